@@ -15,7 +15,7 @@ from cartoloop.local_slam.moving_gain import (
     explained,
     have_changed,
 )
-from cartoloop.local_slam.odometry_motion import MIN_GAIN
+from cartoloop.local_slam.odometry_rest import MIN_GAIN
 from cartoloop.sensor.events import LaserScan
 from cartoloop.sensor.pose import Pose, relative
 from cartoloop.sensor.range_noise import NO_NOISE

@@ -71,9 +71,9 @@ def explained(
     """
     is_return = _are_returns(now)
     count = int(np.count_nonzero(is_return))
-    if count == 0:
+    if count == 0 or before.geometry.angle_increment == 0.0:
         return ALL_BY_REST
-    ranges, bearings = now.ranges[is_return], _bearings(now)[is_return]
+    ranges, bearings = now.ranges[is_return], now.geometry.angles[is_return]
     points = ranges[:, np.newaxis] * np.column_stack((np.cos(bearings), np.sin(bearings)))
     moved = points + _motions(before, now.time - before.time, velocity)[:, np.newaxis]
     beam = _beams(before, np.arctan2(moved[..., 1], moved[..., 0]))
@@ -100,13 +100,6 @@ def _motions(scan: LaserScan, seconds: float, velocity: tuple[float, float]) -> 
 def _are_returns(scan: LaserScan) -> BoolArray:
     is_return: BoolArray = (scan.ranges > 0.0) & (scan.ranges < scan.geometry.range_max)
     return is_return
-
-
-def _bearings(scan: LaserScan) -> FloatArray:
-    geometry = scan.geometry
-    beams = np.arange(len(scan.ranges), dtype=np.float64)
-    bearings: FloatArray = geometry.angle_min + geometry.angle_increment * beams
-    return bearings
 
 
 def _beams(scan: LaserScan, bearings: FloatArray) -> IntArray:

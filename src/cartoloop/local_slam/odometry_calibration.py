@@ -190,7 +190,7 @@ class OdometryCalibration:
         return self._with_scale(model, track, math.inf if model is known else MATCHED_ERROR)
 
     def _with_explained(self, scans: MatchedScans, track: OdometryTrack) -> MatchedScans:
-        """Return scans whose faulty steps are used if another calibration explains them all."""
+        """Return the scans, with all steps usable if another calibration explains most of them."""
         every = latest(self._series.values(), self._window, with_faulty=True)
         start = replace(OdometryParameters(), veer=self.model.veer)
         model = estimate(every.times, every.poses, *track.arrays(), start, every.is_usable)

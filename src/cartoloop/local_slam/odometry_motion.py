@@ -15,7 +15,7 @@ from cartoloop.config import PredictionConfig
 from cartoloop.local_slam.measured_distance import MeasuredDistance
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
-from cartoloop.local_slam.odometry_rest import OdometryRest, is_at_rest
+from cartoloop.local_slam.odometry_rest import OdometryRest
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTrack
 from cartoloop.local_slam.odometry_trust import OdometryFault, OdometryTrust, differ, follows
 from cartoloop.local_slam.odometry_window import Evidence
@@ -26,18 +26,6 @@ from cartoloop.sensor.pose import IDENTITY, Pose, relative
 STOOD_M, STOOD_RAD = 0.2, 0.1
 """Odometry that has not moved so far is wrong once the scans have moved by this [m], [rad]: those
 of a noisy scanner move by some centimetres while the robot stands."""
-
-MIN_REST_S, CHANGE_OVER_S, MAX_CHANGED_SHARE = 0.5, 1.0, 0.15
-"""Odometry that has not changed for the first [s] misses a motion if more than this share of the
-ranges has changed over the second [s], or since then: around a robot at rest, only people move."""
-
-MIN_GAIN = 0.05
-"""And if a motion explains this share more of the scans than rest does, in the mean of the latest
-scans. Among people who walk it is 0.01."""
-
-ABRUPT_SPEED, ABRUPT_S, WORSE_SHARE = 0.1, 5.0, 0.02
-"""Odometry that was faster than the first [m/s] in the last second before it came to rest may have
-stopped alone. For the second [s], that motion must explain this share less than rest does."""
 
 STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
 """Odometry that does not change at all while the scans move by more than this [m], [rad] repeats an
@@ -212,9 +200,11 @@ class OdometryMotion:
         if not self.has_readings:
             return 0
         reported = None if last is None else self.measured_step(last[0], time)
-        self._misses_motion = last is not None and self._is_at_rest_wrongly(
-            last[0], time, reported, evidence
-        )
+        if last is None or reported is None:
+            self._misses_motion = False
+        else:
+            seen = evidence if self._track.has_moved else None
+            self._misses_motion = self._rest.misses_motion(last[0], time, reported, seen)
         is_known = self.model.is_known
         num_faulty = self._trust.add(
             time, pose, reported, evidence, self._is_late, is_known, scanner, expected
@@ -235,36 +225,6 @@ class OdometryMotion:
         elif reported == IDENTITY:
             self._is_stale = apart > STALE_M or turned_apart > STALE_RAD
         return max(num_faulty, int(self.is_stale))
-
-    def _is_at_rest_wrongly(
-        self, begin: float, time: float, reported: Pose | None, evidence: Evidence | None
-    ) -> bool:
-        """Return whether it has not changed for some time in which the ranges have.
-
-        Parameters
-        ----------
-        begin, time : of the latest step, from scan to scan [s].
-        reported : that step, None where it is not known.
-        evidence : of the match; None if the scan was not matched.
-        """
-        if reported is None:
-            return False
-        if not is_at_rest(reported):
-            self._rest.move(begin, time, reported)
-            return False
-        self._rest.begin(time)
-        rests_for = time - self._rest.since
-        if not self._track.has_moved or evidence is None or rests_for < MIN_REST_S:
-            return False
-        since = max(self._rest.since, time - CHANGE_OVER_S)
-        if evidence.changed_share(since) <= MAX_CHANGED_SHARE:
-            return False
-        velocity = self._rest.velocity_before
-        by_rest, by_expected, by_motion = evidence.explained(since, velocity)
-        gain = self._rest.mean_gain(by_motion - by_rest)
-        if rests_for < ABRUPT_S and math.hypot(*velocity) > ABRUPT_SPEED:
-            return by_expected > by_rest - WORSE_SHARE
-        return gain > MIN_GAIN
 
     def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
         """Return whether the odometry reports about such a motion shortly before or after."""

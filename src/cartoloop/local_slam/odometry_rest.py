@@ -1,12 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A time in which the odometry does not change, and what came before it."""
+"""Whether odometry that does not change is of a robot at rest, or misses a motion.
+
+Along bare walls, odometry that stops while the robot goes on holds it. The ranges show it, unless
+people change them.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 
+from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.sensor.pose import Pose
+
+MIN_REST_S, CHANGE_OVER_S, MAX_CHANGED_SHARE = 0.5, 1.0, 0.15
+"""Odometry that has not changed for the first [s] misses a motion if more than this share of the
+ranges has changed over the second [s], or since then: around a robot at rest, only people move."""
+
+MIN_GAIN = 0.05
+"""And if a motion explains this share more of the scans than rest does, in the mean of the latest
+scans. Among people who walk it is 0.01."""
+
+ABRUPT_SPEED, ABRUPT_S, WORSE_SHARE = 0.1, 5.0, 0.02
+"""Odometry that was faster than the first [m/s] in the last second before it came to rest may have
+stopped alone. For the second [s], that motion must explain this share less than rest does."""
 
 REST_M, REST_RAD = 1e-6, 0.005
 """Odometry that reports less from scan to scan has not changed [m], [rad]: its heading may have
@@ -33,6 +50,33 @@ class OdometryRest:
         self.velocity_before = (0.0, 0.0)
         self._gains: deque[float] = deque(maxlen=NUM_GAINS)
         self._steps: deque[tuple[float, float, Pose]] = deque()  # begin, end, motion
+
+    def misses_motion(
+        self, begin: float, end: float, step: Pose, evidence: Evidence | None
+    ) -> bool:
+        """Add a step; return whether the odometry rests though the robot moves.
+
+        Parameters
+        ----------
+        begin, end : of the step, from scan to scan [s].
+        step : as reported.
+        evidence : of the match of the later scan; None where it says nothing.
+        """
+        if not is_at_rest(step):
+            self.move(begin, end, step)
+            return False
+        self.begin(end)
+        rests_for = end - self.since
+        if evidence is None or rests_for < MIN_REST_S:
+            return False
+        since = max(self.since, end - CHANGE_OVER_S)
+        if evidence.changed_share(since) <= MAX_CHANGED_SHARE:
+            return False
+        by_rest, by_expected, by_motion = evidence.explained(since, self.velocity_before)
+        gain = self.mean_gain(by_motion - by_rest)
+        if rests_for < ABRUPT_S and math.hypot(*self.velocity_before) > ABRUPT_SPEED:
+            return by_expected > by_rest - WORSE_SHARE
+        return gain > MIN_GAIN
 
     def move(self, begin: float, end: float, step: Pose) -> None:
         """Note a step between two times [s], which ends the rest."""
