@@ -211,6 +211,16 @@ def test_people_who_walk_along_do_not_contradict_wheels(max_loss_share):
     assert any(found) == (max_loss_share == 1.0)
 
 
+def test_a_person_who_walks_ahead_does_not_contradict_wheels():
+    rng, wall_step = np.random.default_rng(0), WallStep(CONFIG)
+    for k in range(15):
+        x = 0.2 * k
+        returns = with_person(corridor_scan(x, rng, ()), 1.5)
+        pose = Pose(x, 0.0, 0.0)
+        assert wall_step.better_pose(x, pose, returns, by_odometry=True) is None
+        wall_step.add(x, pose, IDENTITY, returns)
+
+
 def test_people_who_overtake_the_robot_do_not_contradict_wheels():
     """They hide what stands; wheels that slip do not turn the robot's motion round."""
     rng, wall_step = np.random.default_rng(0), WallStep(CONFIG)

@@ -8,7 +8,7 @@ step, and the little that is not bare says it: the edge of a cupboard, a door po
 
 With odometry, matches along such walls follow it, wherever it leads. There, and only there, the
 same comparison shows that wheels slip. It is less exact than wheels that do not, and leaves small
-errors to them.
+errors to them. Narrow objects that stand free, which may be people, are no evidence against wheels.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
 from cartoloop.local_slam.match_records import WallMemory
 from cartoloop.local_slam.wall_comparison import Comparison, EarlierScan, compare, is_sharp
+from cartoloop.sensor.free_standing import are_free_standing
 from cartoloop.sensor.pose import Pose, wrap_angle
 
 _NEIGHBOUR = 1.5
@@ -109,6 +110,8 @@ class WallStep:
             return None  # The comparison would only reduce the evidence.
         found = None
         if not by_odometry or match_ratio <= config.max_match_ratio:
+            if by_odometry:  # People who walk ahead would show a robot at rest.
+                returns = returns[~are_free_standing(returns - last.tf_tracking_sensor[:2])]
             found = compare(last, time, pose, returns, config, by_odometry=by_odometry)
         if found is None:
             if by_odometry:

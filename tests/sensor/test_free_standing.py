@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Narrow objects that stand free."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cartoloop.sensor.free_standing import JUMP_M, WIDEST_M, are_free_standing
+
+BEARINGS = np.radians(np.arange(-180.0, 180.0))
+
+
+def points(ranges):
+    """Returns at :data:`BEARINGS`."""
+    return np.column_stack((ranges * np.cos(BEARINGS), ranges * np.sin(BEARINGS)))
+
+
+def slowly_free_standing(returns):
+    """The same, object by object, each grown from one return to both sides."""
+    order = sorted(range(len(returns)), key=lambda i: math.atan2(returns[i][1], returns[i][0]))
+    count, ranges = len(order), [math.hypot(*returns[i]) for i in order]
+    free = [False] * count
+
+    def farther(k):
+        return ranges[(k + 1) % count] - ranges[k % count]
+
+    if all(abs(farther(k)) <= JUMP_M for k in range(count)):
+        return free
+    for k in range(count):
+        first = last = k
+        while abs(farther(first - 1)) <= JUMP_M:
+            first -= 1
+        while abs(farther(last)) <= JUMP_M:
+            last += 1
+        width = math.dist(returns[order[first % count]], returns[order[last % count]])
+        free[order[k]] = farther(first - 1) < 0.0 < farther(last) and width < WIDEST_M
+    return free
+
+
+@given(st.integers(0, 1000), st.integers(1, 40), st.floats(0.2, 3.0))
+def test_objects_grow_until_the_range_jumps(seed, count, size):
+    rng = np.random.default_rng(seed)
+    bearings = rng.uniform(-math.pi, math.pi, count)
+    ranges = rng.uniform(1.0, 1.0 + size, count)
+    returns = np.column_stack((ranges * np.cos(bearings), ranges * np.sin(bearings)))
+    assert are_free_standing(returns).tolist() == slowly_free_standing(returns)
+
+
+@pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 180.0])
+def test_a_person_stands_free_wherever_it_is(bearing_deg):
+    off = np.abs(
+        np.remainder(BEARINGS - math.radians(bearing_deg) + math.pi, 2 * math.pi) - math.pi
+    )
+    is_person = off < math.radians(8.0)
+    found = are_free_standing(points(np.where(is_person, 1.5, 4.0)))
+    assert found.tolist() == is_person.tolist()
+
+
+def test_what_is_joined_to_a_wall_does_not_stand_free():
+    ranges = np.full(360, 4.0)
+    ranges[100:115] = np.linspace(3.9, 3.0, 15)  # an open door, seen along its leaf
+    assert not are_free_standing(points(ranges)).any()
+
+
+def test_a_wide_object_is_no_person():
+    ranges = np.full(360, 4.0)
+    ranges[100:140] = 2.0  # 1.4 m
+    assert not are_free_standing(points(ranges)).any()
+
+
+def test_no_returns_have_no_objects():
+    assert are_free_standing(np.empty((0, 2))).tolist() == []
