@@ -12,6 +12,7 @@ from cartoloop.local_slam.moving_gain import (
     ALL_BY_REST,
     FARTHEST_M,
     SPACING_M,
+    are_comparable,
     explained,
     have_changed,
 )
@@ -56,15 +57,17 @@ def moving_gain(before, now):
 def reference(before, now, velocity):
     """The shares, beam by beam."""
     geometry, shares = before.geometry, []
+    is_before, is_now = are_comparable(before), are_comparable(now)
     steps = [k * SPACING_M for k in range(1, round(FARTHEST_M / SPACING_M) + 1)]
     seconds = now.time - before.time
     motions = [(0.0, 0.0), (velocity[0] * seconds, velocity[1] * seconds)]
     for step in steps:
         motions += [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
+    at_rest = {}
     for x, y in motions:
-        seen = fitting = count = 0
+        seen, fitting, resting, count = 0, 0, 0, 0
         for beam, distance in enumerate(now.ranges.tolist()):
-            if not 0.0 < distance < geometry.range_max:
+            if not is_now[beam]:
                 continue
             count += 1
             bearing = geometry.angle_min + beam * geometry.angle_increment
@@ -76,13 +79,19 @@ def reference(before, now, velocity):
             if off[nearest] > 0.5 * geometry.angle_increment + 1e-9:
                 continue
             there = before.ranges[nearest]
-            if not 0.0 < there < geometry.range_max:
+            if not is_before[nearest]:
                 continue
             seen += 1
             apart = np.array([there]), np.array([np.hypot(place_x, place_y)])
-            fitting += not have_changed(*apart, NO_NOISE)[0]
-        shares.append(fitting / max(seen, 0.5 * count))
-    return shares[0], shares[1], max(shares)
+            fits = not have_changed(*apart, NO_NOISE)[0]
+            if not shares:
+                at_rest[beam] = fits
+            if beam in at_rest:
+                fitting += fits
+                resting += at_rest[beam]
+        shares.append((fitting - (resting if shares else 0)) / max(seen, 0.5 * count))
+    rest, *gains = shares
+    return rest, rest + gains[0], rest + max(0.0, *gains)
 
 
 def test_a_robot_that_drives_on_is_noticed(drive, scans):
@@ -101,6 +110,14 @@ def test_people_around_a_robot_at_rest_are_no_motion(scans):
         moving_gain(with_people(scan, rng, 0.2), with_people(scan, rng, 0.2)) for scan in scans[::5]
     ]
     assert np.mean(gains) < 0.2 * MIN_GAIN
+
+
+def test_people_and_beams_without_a_return_are_not_compared(scans):
+    ranges = np.full_like(scans[0].ranges, 4.0)
+    ranges[50:60], ranges[90] = 1.5, np.inf
+    expected = np.ones(len(ranges), dtype=np.bool_)
+    expected[50:60] = expected[90] = False
+    assert are_comparable(replace(scans[0], ranges=ranges)).tolist() == expected.tolist()
 
 
 def test_the_expected_motion_explains_what_a_driving_robot_sees(drive, scans):

@@ -2,7 +2,8 @@
 """Whether two scans of a robot are explained better by a motion between them than by none.
 
 Around a robot at rest, people change many of the ranges; what else it sees stays where it is. If
-the robot moves, even along a corridor, much fits from another place only.
+the robot moves, even along a corridor, much fits from another place only. Narrow objects that stand
+free, which may be people, are not compared.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.sensor.events import LaserScan
+from cartoloop.sensor.free_standing import are_free_standing
 from cartoloop.sensor.range_noise import Noise
 
 CHANGE_M, CHANGE_SHARE, CHANGE_SIGMAS = 0.05, 0.03, 4.0
@@ -43,6 +45,8 @@ def have_changed(before: FloatArray, now: FloatArray, noise: Noise) -> BoolArray
 class Explained(NamedTuple):
     """The shares of a scan's returns that fit an earlier scan.
 
+    A motion is compared with rest by the returns that both scans see after it.
+
     Attributes
     ----------
     by_rest : if the robot did not move.
@@ -69,7 +73,7 @@ def explained(
     noise : of the scanner.
     velocity : that is expected of the robot, along x and y of the tracking frame [m/s].
     """
-    is_return = _are_returns(now)
+    is_return = are_comparable(now)
     count = int(np.count_nonzero(is_return))
     if count == 0 or before.geometry.angle_increment == 0.0:
         return ALL_BY_REST
@@ -78,10 +82,14 @@ def explained(
     moved = points + _motions(before, now.time - before.time, velocity)[:, np.newaxis]
     beam = _beams(before, np.arctan2(moved[..., 1], moved[..., 0]))
     rows = np.clip(beam, 0, len(before.ranges) - 1)
-    is_seen = (beam == rows) & _are_returns(before)[rows]
+    is_seen = (beam == rows) & are_comparable(before)[rows]
     fits = is_seen & ~have_changed(before.ranges[rows], np.hypot(*np.moveaxis(moved, 2, 0)), noise)
-    shares = fits.sum(axis=1) / np.maximum(is_seen.sum(axis=1), MIN_SEEN * count)
-    return Explained(float(shares[0]), float(shares[1]), float(shares.max()))
+    num_seen = np.maximum(is_seen.sum(axis=1), MIN_SEEN * count)
+    by_rest = float(fits[0].sum() / num_seen[0])
+    # Of the same returns: that some leave the view speaks for no motion.
+    is_both = is_seen & is_seen[0]
+    gains = ((is_both & fits).sum(axis=1) - (is_both & fits[0]).sum(axis=1)) / num_seen
+    return Explained(by_rest, by_rest + float(gains[1]), by_rest + float(gains.max()))
 
 
 def _motions(scan: LaserScan, seconds: float, velocity: tuple[float, float]) -> FloatArray:
@@ -97,8 +105,12 @@ def _motions(scan: LaserScan, seconds: float, velocity: tuple[float, float]) -> 
     return np.concatenate((((0.0, 0.0), expected), along, across))
 
 
-def _are_returns(scan: LaserScan) -> BoolArray:
+def are_comparable(scan: LaserScan) -> BoolArray:
+    """Return which ranges are returns, and not of narrow objects that stand free, shape (n,)."""
     is_return: BoolArray = (scan.ranges > 0.0) & (scan.ranges < scan.geometry.range_max)
+    ranges, bearings = scan.ranges[is_return], scan.geometry.angles[is_return]
+    points = ranges[:, np.newaxis] * np.column_stack((np.cos(bearings), np.sin(bearings)))
+    is_return[is_return] = ~are_free_standing(points)
     return is_return
 
 

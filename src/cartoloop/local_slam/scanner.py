@@ -14,7 +14,13 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.measured_distance import DistanceMeter
 from cartoloop.local_slam.motion_filter import MotionFilter
-from cartoloop.local_slam.moving_gain import ALL_BY_REST, Explained, explained, have_changed
+from cartoloop.local_slam.moving_gain import (
+    ALL_BY_REST,
+    Explained,
+    are_comparable,
+    explained,
+    have_changed,
+)
 from cartoloop.local_slam.scan_matcher import ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.sensor.events import LaserScan, PointCloud
@@ -85,10 +91,9 @@ class Scanner:
         first = self._first_since(time)
         if first is None:
             return np.empty((2, 0))
-        before, now = first.ranges, self.recent[-1].ranges
-        limit = first.geometry.range_max
-        is_both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
-        return np.stack((before[is_both], now[is_both]))
+        last = self.recent[-1]
+        is_both = are_comparable(first) & are_comparable(last)
+        return np.stack((first.ranges[is_both], last.ranges[is_both]))
 
     @classmethod
     def of(cls, config: LocalSlamConfig) -> Self:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 
-JUMP_M = 0.5
+JUMP_M = 0.25
 """What is seen on both sides of an object that stands free is farther away by at least this [m]."""
 
 WIDEST_M = 0.8
