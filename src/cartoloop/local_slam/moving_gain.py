@@ -45,7 +45,7 @@ def have_changed(before: FloatArray, now: FloatArray, noise: Noise) -> BoolArray
 class Explained(NamedTuple):
     """The shares of a scan's returns that fit an earlier scan.
 
-    A motion is compared with rest by the returns that both scans see after it.
+    A motion is compared with rest by the returns that the earlier scan could see after either.
 
     Attributes
     ----------
@@ -77,9 +77,8 @@ def explained(
     count = int(np.count_nonzero(is_return))
     if count == 0 or before.geometry.angle_increment == 0.0:
         return ALL_BY_REST
-    ranges, bearings = now.ranges[is_return], now.geometry.angles[is_return]
-    points = ranges[:, np.newaxis] * np.column_stack((np.cos(bearings), np.sin(bearings)))
-    moved = points + _motions(before, now.time - before.time, velocity)[:, np.newaxis]
+    motions = _motions(before, now.time - before.time, velocity)
+    moved = _points(now, is_return) + motions[:, np.newaxis]
     beam = _beams(before, np.arctan2(moved[..., 1], moved[..., 0]))
     rows = np.clip(beam, 0, len(before.ranges) - 1)
     is_seen = (beam == rows) & are_comparable(before)[rows]
@@ -108,10 +107,17 @@ def _motions(scan: LaserScan, seconds: float, velocity: tuple[float, float]) -> 
 def are_comparable(scan: LaserScan) -> BoolArray:
     """Return which ranges are returns, and not of narrow objects that stand free, shape (n,)."""
     is_return: BoolArray = (scan.ranges > 0.0) & (scan.ranges < scan.geometry.range_max)
-    ranges, bearings = scan.ranges[is_return], scan.geometry.angles[is_return]
-    points = ranges[:, np.newaxis] * np.column_stack((np.cos(bearings), np.sin(bearings)))
-    is_return[is_return] = ~are_free_standing(points)
+    is_return[is_return] = ~are_free_standing(_points(scan, is_return))
     return is_return
+
+
+def _points(scan: LaserScan, chosen: BoolArray) -> FloatArray:
+    """Return the ends of the chosen beams, frame of the scanner [m]."""
+    ranges, bearings = scan.ranges[chosen], scan.geometry.angles[chosen]
+    points: FloatArray = ranges[:, np.newaxis] * np.column_stack(
+        (np.cos(bearings), np.sin(bearings))
+    )
+    return points
 
 
 def _beams(scan: LaserScan, bearings: FloatArray) -> IntArray:
