@@ -15,6 +15,7 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.sweep_motion import rotation
 from cartoloop.simulation import Lidar, OdometryModel, World
 from cartoloop.simulation.bag_log import quaternion
+from cartoloop.simulation.difficulties import Difficulties
 from cartoloop.simulation.drives import simulate_rig
 from cartoloop.simulation.gait import Gait
 from cartoloop.simulation.imu import ImuModel
@@ -80,6 +81,26 @@ def test_imu_and_odometry_come_back(walk, read_back):
     assert back.angular_velocity == pytest.approx(there.angular_velocity)
     there, back = written[Odometry][-1], read_back[Odometry][-1]
     assert back.tf_odom_tracking == pytest.approx(there.tf_odom_tracking)
+
+
+def test_an_imu_measures_the_motion_after_a_pause():
+    route = np.array([(0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0), (0.0, 0.0)])
+    perfect = ImuModel(100.0, 0.0, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0))
+    rooms = World("rooms", WALLS, np.vstack([route] * 4))
+    whole, paused = (
+        {
+            reading.time: reading.angular_velocity
+            for reading in by_kind(
+                simulate_rig(
+                    rooms, [FLAT], imu=perfect, duration=60.0, difficulties=difficulties
+                ).events()
+            )[Imu]
+        }
+        for difficulties in (Difficulties(), Difficulties(pause=8.0))
+    )
+    assert 700 < len(whole) - len(paused) < 900
+    for time, turned in paused.items():
+        assert turned == pytest.approx(whole[time], abs=1e-9)
 
 
 def test_clouds_come_back(tmp_path):

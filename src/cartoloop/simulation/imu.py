@@ -54,13 +54,15 @@ def imu_readings(
     Parameters
     ----------
     motion, gait : of the body.
-    times : float64, shape (n,) [s], `1 / model.rate` apart, n > 0.
+    times : float64, shape (n,), increasing, each whole steps of `1 / model.rate` after the first
+        [s], n > 0.
     model : the errors.
     rng : the source of noise.
     """
     step = 1.0 / model.rate
     padding = max(int(np.ceil(4.0 * SMOOTHING_S / step)), 2)
-    around = np.arange(-padding, len(times) + padding) * step + times[0] + model.time_offset
+    measured = np.rint((times - times[0]) * model.rate).astype(np.intp) + padding
+    around = (np.arange(measured[-1] + 1 + padding) - padding) * step + times[0] + model.time_offset
     poses = body_poses(motion, gait, around)
     roll, pitch = poses[:, 3], poses[:, 4]
     rates = np.gradient(np.unwrap(poses[:, 2])), np.gradient(roll), np.gradient(pitch)
@@ -80,9 +82,8 @@ def imu_readings(
         )
     )
     linear = turned_back(poses[:, [3, 4, 2]], force)
-    inner = slice(padding, padding + len(times))
-    linear = linear[inner] + np.array(model.acceleration_bias)
-    angular = angular[inner] + np.array(model.gyro_bias)
+    linear = linear[measured] + np.array(model.acceleration_bias)
+    angular = angular[measured] + np.array(model.gyro_bias)
     linear += model.acceleration_noise * rng.standard_normal(linear.shape)
     angular += model.gyro_noise * rng.standard_normal(angular.shape)
     return linear, angular
