@@ -93,6 +93,19 @@ def test_the_scale_of_rotation_is_found(scale):
     assert found.rotation_scale == pytest.approx(scale, rel=0.02)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_noisy_headings_on_straight_ways_are_no_turns(seed):
+    """Most steps that seem to turn are noise; a few turn indeed, as reported."""
+    times, poses = winding_way()
+    poses[:, 2] = np.cumsum(np.where(np.mod(times, 60.0) < 1.5, FINE, 0.0))
+    poses[:, :2] = np.cumsum(0.006 * np.stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])), 1), 0)
+    stamps, odometry = reported_by(UNKNOWN, (times, poses))
+    scans = matched(stamps, (times, poses))
+    scans[:, 2] += np.cumsum(np.random.default_rng(seed).normal(0.0, 0.015, len(stamps)))
+    found = estimate(stamps, scans, stamps, odometry, UNKNOWN)
+    assert found.rotation_scale == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.parametrize("scale", [0.5, 0.9, 1.0, 1.1, 2.0])
 def test_the_scale_of_distance_is_found(scale):
     found = calibrated(OdometryParameters(translation_scale=scale, time_offset=0.1))

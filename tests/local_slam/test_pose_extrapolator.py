@@ -474,6 +474,20 @@ def test_a_gyroscope_mounted_upside_down_is_not_used():
     assert math.remainder(ahead - 10.0, math.tau) == pytest.approx(0.0, abs=0.01)
 
 
+@pytest.mark.parametrize("is_matched", [True, False])
+def test_scans_that_were_not_matched_calibrate_nothing(extrapolator, is_matched):
+    """Their poses follow the odometry, whatever it is calibrated to."""
+    seen = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
+    for k in range(120):
+        extrapolator.add_odometry(0.2 * k, Pose(0.1 * k, 0.0, 0.0))
+        extrapolator.add_pose(
+            0.2 * k, Pose(0.09 * k, 0.0, 0.0), evidence=seen if is_matched or k % 2 else None
+        )
+    found = extrapolator.odometry.model
+    assert found.is_known == is_matched
+    assert found.translation_scale == pytest.approx(0.9 if is_matched else 1.0, abs=1e-3)
+
+
 @pytest.mark.parametrize(("pause", "is_gap"), [(0.3, False), (3.0, True)])
 def test_after_a_gap_odometry_may_have_been_buffered(extrapolator, pause, is_gap):
     """The last reading before it was already of after the turn, or the first still of before."""

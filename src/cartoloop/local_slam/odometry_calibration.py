@@ -256,7 +256,7 @@ def estimate(
     reported = relative_all(at_scans[:-1], at_scans[1:])
     reported = previous.veer.corrected_all(reported, at_scans[:-1, 2])
     if turns_enough:
-        rotation_scale = _robust_scale(reported[turning, 2], steps[turning, 2], rotation_scale)
+        rotation_scale = _turn_scale(reported[turning, 2], steps[turning, 2], rotation_scale)
     moving = known & (turning | (np.hypot(reported[:, 0], reported[:, 1]) > MIN_MOVE_M))
     if np.count_nonzero(moving) < MIN_STEPS:
         return previous
@@ -305,6 +305,15 @@ def _coarse_scale(
     scale = float(np.abs(turns[turning]).sum()) / most if most > 0.0 else 1.0
     is_far = not USUAL_SCALES[0] <= scale <= USUAL_SCALES[1]
     return scale if is_far and MIN_SCALE <= scale <= MAX_SCALE else 1.0
+
+
+def _turn_scale(reported: FloatArray, true: FloatArray, coarse: float) -> float:
+    """Return the factor from reported to true turns, found from a coarse one or from 1.
+
+    Noise of matches adds to what the scans turn, and makes the coarse one too large.
+    """
+    scales = [_robust_scale(reported, true, start) for start in dict.fromkeys((1.0, coarse))]
+    return min(scales, key=lambda scale: float(np.abs(true - scale * reported).sum()))
 
 
 def _robust_scale(reported: FloatArray, true: FloatArray, scale: float) -> float:

@@ -70,6 +70,7 @@ class OdometryMotion:
         self._rest = OdometryRest()
         self._stood_at: Pose | None = None
         self._num_late = 0
+        self._unmatched: set[str] = set()
 
     @property
     def model(self) -> OdometryParameters:
@@ -209,6 +210,7 @@ class OdometryMotion:
         num_faulty = self._trust.add(
             time, pose, reported, evidence, self._is_late, is_known, scanner, expected
         )
+        num_faulty = max(num_faulty, int(self._is_step_unmatched(scanner, evidence)))
         if last is None or reported is None or evidence is None or not evidence.is_determined:
             return max(num_faulty, int(self._misses_motion))
         matched = relative(last[1], pose)
@@ -225,6 +227,18 @@ class OdometryMotion:
         elif reported == IDENTITY:
             self._is_stale = apart > STALE_M or turned_apart > STALE_RAD
         return max(num_faulty, int(self.is_stale))
+
+    def _is_step_unmatched(self, scanner: str, evidence: Evidence | None) -> bool:
+        """Return whether a step begins or ends with a scan that was not matched.
+
+        Its pose follows the odometry, which would confirm any calibration.
+        """
+        was_unmatched = scanner in self._unmatched
+        if evidence is None:
+            self._unmatched.add(scanner)
+        else:
+            self._unmatched.discard(scanner)
+        return was_unmatched or evidence is None
 
     def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
         """Return whether the odometry reports about such a motion shortly before or after."""
