@@ -10,7 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cartoloop.sensor.free_standing import JUMP_M, WIDEST_M, are_free_standing
+from cartoloop.sensor.free_standing import (
+    EDGE_RAD,
+    JUMP_M,
+    WIDEST_M,
+    are_free_standing,
+)
 
 BEARINGS = np.radians(np.arange(-180.0, 180.0))
 
@@ -26,26 +31,42 @@ def slowly_free_standing(returns):
     count, ranges = len(order), [math.hypot(*returns[i]) for i in order]
     free = [False] * count
 
-    def farther(k):
+    def angle(k):
+        x, y = returns[order[k % count]]
+        next_x, next_y = returns[order[(k + 1) % count]]
+        return math.atan2(x * next_y - y * next_x, x * next_x + y * next_y) % math.tau
+
+    angles = [angle(k) if count > 1 else math.tau for k in range(count)]
+    edge = max(range(count), key=angles.__getitem__) if count else 0
+    if count and angles[edge] <= EDGE_RAD:
+        edge = -1
+
+    def rise(k):
+        if k % count == edge:
+            return math.inf
         return ranges[(k + 1) % count] - ranges[k % count]
 
-    if all(abs(farther(k)) <= JUMP_M for k in range(count)):
+    def fall(k):
+        return math.inf if (k - 1) % count == edge else -rise(k - 1)
+
+    if all(abs(rise(k)) <= JUMP_M for k in range(count)):
         return free
     for k in range(count):
         first = last = k
-        while abs(farther(first - 1)) <= JUMP_M:
+        while abs(fall(first)) <= JUMP_M:
             first -= 1
-        while abs(farther(last)) <= JUMP_M:
+        while abs(rise(last)) <= JUMP_M:
             last += 1
         width = math.dist(returns[order[first % count]], returns[order[last % count]])
-        free[order[k]] = farther(first - 1) < 0.0 < farther(last) and width < WIDEST_M
+        nearer = min(fall(first), rise(last))
+        free[order[k]] = 0.0 < nearer < math.inf and width < WIDEST_M
     return free
 
 
-@given(st.integers(0, 1000), st.integers(1, 40), st.floats(0.2, 3.0))
-def test_objects_grow_until_the_range_jumps(seed, count, size):
+@given(st.integers(0, 1000), st.integers(1, 40), st.floats(0.2, 3.0), st.floats(0.1, math.pi))
+def test_objects_grow_until_the_range_jumps(seed, count, size, view):
     rng = np.random.default_rng(seed)
-    bearings = rng.uniform(-math.pi, math.pi, count)
+    bearings = rng.uniform(-view, view, count)
     ranges = rng.uniform(1.0, 1.0 + size, count)
     returns = np.column_stack((ranges * np.cos(bearings), ranges * np.sin(bearings)))
     assert are_free_standing(returns).tolist() == slowly_free_standing(returns)
@@ -59,6 +80,20 @@ def test_a_person_stands_free_wherever_it_is(bearing_deg):
     is_person = off < math.radians(8.0)
     found = are_free_standing(points(np.where(is_person, 1.5, 4.0)))
     assert found.tolist() == is_person.tolist()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_person_whom_the_edge_of_the_view_cuts_stands_free(side):
+    seen = BEARINGS[np.abs(BEARINGS) <= math.pi / 2]
+    is_person = side * seen > math.radians(75.0)
+    ranges = np.where(is_person, 0.6, 1.0 / np.maximum(np.abs(np.sin(seen)), 0.2))
+    found = are_free_standing(np.column_stack((ranges * np.cos(seen), ranges * np.sin(seen))))
+    assert found.tolist() == is_person.tolist()
+
+
+def test_all_that_is_seen_is_no_object():
+    seen = np.radians(np.arange(-3.0, 4.0))
+    assert not are_free_standing(np.column_stack((2.0 * np.cos(seen), 2.0 * np.sin(seen)))).any()
 
 
 def test_what_is_joined_to_a_wall_does_not_stand_free():

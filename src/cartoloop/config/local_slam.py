@@ -142,10 +142,13 @@ class WallStepConfig(Section):
         40.0, gt=0, description="with odometry: the same as min_evidence"
     )
     noise_factor: float = Field(
-        3.0,
+        2.0,
         ge=0,
-        description="with odometry: a difference of this many standard deviations of what noise "
-        "makes of two steps is no evidence",
+        description="a difference of this many standard deviations of what noise makes of two "
+        "steps is no evidence",
+    )
+    odometry_noise_factor: float = Field(
+        3.0, ge=0, description="with odometry: the same as noise_factor"
     )
     min_odometry_step: float = Field(
         0.15,

@@ -8,7 +8,10 @@ step, and the little that is not bare says it: the edge of a cupboard, a door po
 
 With odometry, matches along such walls follow it, wherever it leads. There, and only there, the
 same comparison shows that wheels slip. It is less exact than wheels that do not, and leaves small
-errors to them. Narrow objects that stand free, which may be people, are no evidence against wheels.
+errors to them.
+
+Narrow objects that stand free, which may be people, are not compared. The best of many steps fits
+better than the matched one by noise alone; as much is no evidence.
 """
 
 from __future__ import annotations
@@ -63,7 +66,8 @@ class WallStep:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
         if self._last is not None and not self._is_due:
             return
-        self._last = EarlierScan(time, pose, tf_tracking_sensor, returns)
+        rest = returns[~are_free_standing(returns - tf_tracking_sensor[:2])]
+        self._last = EarlierScan(time, pose, tf_tracking_sensor, rest)
 
     def better_pose(
         self,
@@ -110,8 +114,8 @@ class WallStep:
             return None  # The comparison would only reduce the evidence.
         found = None
         if not by_odometry or match_ratio <= config.max_match_ratio:
-            if by_odometry:  # People who walk ahead would show a robot at rest.
-                returns = returns[~are_free_standing(returns - last.tf_tracking_sensor[:2])]
+            # People who walk along would show a robot at rest.
+            returns = returns[~are_free_standing(returns - last.tf_tracking_sensor[:2])]
             found = compare(last, time, pose, returns, config, by_odometry=by_odometry)
         if found is None:
             if by_odometry:
@@ -158,10 +162,8 @@ class WallStep:
         if is_contradicted or (by_odometry and abs(apart) < config.min_odometry_error):
             self._forget()
             return None
-        evidence = found.matched_cost - found.cost
-        if by_odometry:
-            # The best of many steps that noise alone makes different is no evidence against wheels.
-            evidence = max(evidence - config.noise_factor * found.noise, 0.0)
+        noise_factor = config.odometry_noise_factor if by_odometry else config.noise_factor
+        evidence = max(found.matched_cost - found.cost - noise_factor * found.noise, 0.0)
         if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
