@@ -17,6 +17,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
 from cartoloop.kernels.outline_shift import Fit, best_step, open_direction
 from cartoloop.local_slam.outline import Outline, outline_of
+from cartoloop.sensor.free_standing import are_free_standing
 from cartoloop.sensor.pose import Pose, compose, inverse
 
 _STRIDE = 3
@@ -43,8 +44,18 @@ class EarlierScan:
 
     @cached_property
     def outline(self) -> Outline:
-        """Its returns, joined to walls."""
-        return outline_of(self.returns, self.tf_tracking_sensor)
+        """Its returns but for people, joined to walls."""
+        returns = without_people(self.returns, self.tf_tracking_sensor)
+        return outline_of(returns, self.tf_tracking_sensor)
+
+
+def without_people(returns: FloatArray, tf_tracking_sensor: Pose) -> FloatArray:
+    """Return the returns that are not on narrow objects that stand free.
+
+    People who walk along would show a robot at rest, others one that moves faster.
+    """
+    x, y, _ = tf_tracking_sensor
+    return returns[~are_free_standing(returns - np.array((x, y)))]
 
 
 class Comparison(NamedTuple):

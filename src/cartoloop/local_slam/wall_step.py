@@ -23,8 +23,13 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
 from cartoloop.local_slam.match_records import WallMemory
-from cartoloop.local_slam.wall_comparison import Comparison, EarlierScan, compare, is_sharp
-from cartoloop.sensor.free_standing import are_free_standing
+from cartoloop.local_slam.wall_comparison import (
+    Comparison,
+    EarlierScan,
+    compare,
+    is_sharp,
+    without_people,
+)
 from cartoloop.sensor.pose import Pose, wrap_angle
 
 _NEIGHBOUR = 1.5
@@ -66,8 +71,7 @@ class WallStep:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
         if self._last is not None and not self._is_due:
             return
-        rest = returns[~are_free_standing(returns - tf_tracking_sensor[:2])]
-        self._last = EarlierScan(time, pose, tf_tracking_sensor, rest)
+        self._last = EarlierScan(time, pose, tf_tracking_sensor, returns)
 
     def better_pose(
         self,
@@ -114,8 +118,7 @@ class WallStep:
             return None  # The comparison would only reduce the evidence.
         found = None
         if not by_odometry or match_ratio <= config.max_match_ratio:
-            # People who walk along would show a robot at rest.
-            returns = returns[~are_free_standing(returns - last.tf_tracking_sensor[:2])]
+            returns = without_people(returns, last.tf_tracking_sensor)
             found = compare(last, time, pose, returns, config, by_odometry=by_odometry)
         if found is None:
             if by_odometry:
