@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import WallStepConfig
+from cartoloop.local_slam.match_records import WallMemory
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, transform_points
 
@@ -95,6 +96,16 @@ def test_a_person_who_walks_by_moves_no_robot_that_stands(stands):
         found.append(wall_step.better_pose(0.2 * k, IDENTITY, returns, stands=stands))
         wall_step.add(0.2 * k, IDENTITY, IDENTITY, returns)
     assert found == [None] * 8
+
+
+@pytest.mark.parametrize(("missed", "is_proven"), [(0.3, False), (1.0, True), (-1.0, False)])
+def test_evidence_counts_for_steps_of_about_that_velocity(missed, is_proven):
+    """Two metres a second are missed; the comparison itself is no evidence here."""
+    rng, wall_step = np.random.default_rng(0), WallStep(WallStepConfig(noise_factor=1e3))
+    wall_step.add(0.0, IDENTITY, IDENTITY, corridor_scan(0.0, rng))
+    wall_step.memory = WallMemory(1e3, missed, 0.0, 0.0, 0.0, True, 0.0)
+    found = wall_step.better_pose(0.2, IDENTITY, corridor_scan(0.4, rng))
+    assert (found is not None) == is_proven
 
 
 @pytest.mark.parametrize("seed", range(3))

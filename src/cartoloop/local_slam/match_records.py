@@ -42,7 +42,7 @@ class WallMemory(NamedTuple):
     Attributes
     ----------
     evidence : for another step, so far.
-    side_x, side_y : to which side it was.
+    side_x, side_y : velocity that was missed by the latest comparison [m/s].
     missed_x, missed_y : what the steps that it is for have missed so far [m].
     is_due : whether the next scan that is added takes the place of the last.
     moved_at : when the odometry last moved [s].

@@ -35,6 +35,9 @@ from cartoloop.sensor.pose import Pose, wrap_angle
 _NEIGHBOUR = 1.5
 """Steps that differ by less than this many are neighbours: noise decides between them."""
 
+_FASTER = 2.0
+"""Evidence of a velocity counts for velocities up to this many times as high."""
+
 
 class WallStep:
     """Compares each scan of a scanner with one before.
@@ -130,7 +133,7 @@ class WallStep:
         # People who walk along fit another step, and all that stands the one of the odometry.
         is_contradicted = (by_odometry or stands) and self._is_contradicted(found, len(returns))
         is_contradicted |= by_odometry and self._is_backwards(found, last.pose, pose)
-        missed = self._missed_until(found, by_odometry, is_contradicted)
+        missed = self._missed_until(found, time - last.time, by_odometry, is_contradicted)
         if missed is None:
             return None
         x, y = missed.tolist()
@@ -151,15 +154,18 @@ class WallStep:
         return is_opposite and min(abs(moved), abs(step)) > self._config.min_odometry_error
 
     def _missed_until(
-        self, found: Comparison, by_odometry: bool, is_contradicted: bool
+        self, found: Comparison, duration: float, by_odometry: bool, is_contradicted: bool
     ) -> FloatArray | None:
         """Add up the evidence for another step; return what was missed [m] if it is enough.
 
         With odometry, each comparison begins where the one before ended, and their steps add up.
+        Without, it is evidence for other steps of about that velocity, in that direction.
         """
         config, apart = self._config, found.apart
-        side = apart * found.along
-        if float(side @ self._side) < 0.0:
+        side = apart / duration * found.along
+        longest = _FASTER * float(np.hypot(*self._side)) * duration + config.max_distance
+        is_opposite = float(side @ self._side) < 0.0
+        if is_opposite or (not by_odometry and abs(apart) > longest):
             self._forget()
         self._side = side
         if is_contradicted or (by_odometry and abs(apart) < config.min_odometry_error):
