@@ -51,15 +51,28 @@ def slowly_free_standing(returns):
 
     if all(abs(rise(k)) <= JUMP_M for k in range(count)):
         return free
-    for k in range(count):
+
+    def ends(k):
         first = last = k
         while abs(fall(first)) <= JUMP_M:
             first -= 1
         while abs(rise(last)) <= JUMP_M:
             last += 1
-        width = math.dist(returns[order[first % count]], returns[order[last % count]])
-        nearer = min(fall(first), rise(last))
-        free[order[k]] = 0.0 < nearer < math.inf and width < WIDEST_M
+        return first, last
+
+    def is_narrow(first, last):
+        return math.dist(returns[order[first % count]], returns[order[last % count]]) < WIDEST_M
+
+    def is_whole(k):
+        first, last = ends(k)
+        return is_narrow(first, last) and 0.0 < min(fall(first), rise(last)) < math.inf
+
+    for k in range(count):
+        first, last = ends(k)
+        is_hidden = (0.0 < fall(first) < math.inf and is_whole(last + 1)) or (
+            0.0 < rise(last) < math.inf and is_whole(first - 1)
+        )
+        free[order[k]] = is_whole(k) or (is_narrow(first, last) and is_hidden)
     return free
 
 
@@ -80,6 +93,12 @@ def test_a_person_stands_free_wherever_it_is(bearing_deg):
     is_person = off < math.radians(8.0)
     found = are_free_standing(points(np.where(is_person, 1.5, 4.0)))
     assert found.tolist() == is_person.tolist()
+
+
+def test_a_person_whom_another_one_hides_in_part_stands_free():
+    is_near, is_far = np.arange(360) // 10 == 5, np.arange(360) // 10 == 6
+    found = are_free_standing(points(np.where(is_near, 1.0, np.where(is_far, 2.0, 4.0))))
+    assert found.tolist() == (is_near | is_far).tolist()
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
