@@ -25,7 +25,7 @@ def points(ranges):
     return np.column_stack((ranges * np.cos(BEARINGS), ranges * np.sin(BEARINGS)))
 
 
-def slowly_free_standing(returns):
+def slowly_free_standing(returns, also_hidden):
     """The same, object by object, each grown from one return to both sides."""
     order = sorted(range(len(returns)), key=lambda i: math.atan2(returns[i][1], returns[i][0]))
     count, ranges = len(order), [math.hypot(*returns[i]) for i in order]
@@ -72,17 +72,24 @@ def slowly_free_standing(returns):
         is_hidden = (0.0 < fall(first) < math.inf and is_whole(last + 1)) or (
             0.0 < rise(last) < math.inf and is_whole(first - 1)
         )
-        free[order[k]] = is_whole(k) or (is_narrow(first, last) and is_hidden)
+        free[order[k]] = is_whole(k) or (also_hidden and is_narrow(first, last) and is_hidden)
     return free
 
 
-@given(st.integers(0, 1000), st.integers(1, 40), st.floats(0.2, 3.0), st.floats(0.1, math.pi))
-def test_objects_grow_until_the_range_jumps(seed, count, size, view):
+@given(
+    st.integers(0, 1000),
+    st.integers(1, 40),
+    st.floats(0.2, 3.0),
+    st.floats(0.1, math.pi),
+    st.booleans(),
+)
+def test_objects_grow_until_the_range_jumps(seed, count, size, view, also_hidden):
     rng = np.random.default_rng(seed)
     bearings = rng.uniform(-view, view, count)
     ranges = rng.uniform(1.0, 1.0 + size, count)
     returns = np.column_stack((ranges * np.cos(bearings), ranges * np.sin(bearings)))
-    assert are_free_standing(returns).tolist() == slowly_free_standing(returns)
+    found = are_free_standing(returns, also_hidden=also_hidden)
+    assert found.tolist() == slowly_free_standing(returns, also_hidden)
 
 
 @pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 180.0])
@@ -97,7 +104,9 @@ def test_a_person_stands_free_wherever_it_is(bearing_deg):
 
 def test_a_person_whom_another_one_hides_in_part_stands_free():
     is_near, is_far = np.arange(360) // 10 == 5, np.arange(360) // 10 == 6
-    found = are_free_standing(points(np.where(is_near, 1.0, np.where(is_far, 2.0, 4.0))))
+    returns = points(np.where(is_near, 1.0, np.where(is_far, 2.0, 4.0)))
+    assert are_free_standing(returns).tolist() == is_near.tolist()
+    found = are_free_standing(returns, also_hidden=True)
     assert found.tolist() == (is_near | is_far).tolist()
 
 

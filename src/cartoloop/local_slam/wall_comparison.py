@@ -55,7 +55,7 @@ def without_people(returns: FloatArray, tf_tracking_sensor: Pose) -> FloatArray:
     People who walk along would show a robot at rest, others one that moves faster.
     """
     x, y, _ = tf_tracking_sensor
-    return returns[~are_free_standing(returns - np.array((x, y)))]
+    return returns[~are_free_standing(returns - np.array((x, y)), also_hidden=True)]
 
 
 class Comparison(NamedTuple):

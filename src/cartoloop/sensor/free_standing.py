@@ -20,16 +20,17 @@ EDGE_RAD = math.radians(20.0)
 """The largest angle between neighbouring returns, beyond this, is where the view ends [rad]."""
 
 
-def are_free_standing(returns: FloatArray) -> BoolArray:
+def are_free_standing(returns: FloatArray, *, also_hidden: bool = False) -> BoolArray:
     """Return which returns of a scan are on narrow objects that stand free, shape (n,).
 
     Other returns are seen on both sides of them, farther away by :data:`JUMP_M`, or on one side if
-    the view ends on the other, or another one of them hides the rest. Door posts and cupboards are
-    joined to a wall.
+    the view ends on the other. Door posts and cupboards are joined to a wall.
 
     Parameters
     ----------
     returns : float64, shape (n, 2), in any order, frame of the scanner [m].
+    also_hidden : whether one side may be hidden by another of them. Parts of walls between clutter
+        look like that, too.
     """
     free = np.zeros(len(returns), dtype=np.bool_)
     bearings = np.arctan2(returns[:, 1], returns[:, 0])
@@ -42,7 +43,10 @@ def are_free_standing(returns: FloatArray) -> BoolArray:
         return free
     firsts = (np.roll(lasts, 1) + 1) % len(returns)
     widths = np.hypot(*(ordered[lasts] - ordered[firsts]).T)
-    is_free = _are_free(widths < WIDEST_M, falls[firsts], rises[lasts])
+    is_narrow, before, after = widths < WIDEST_M, falls[firsts], rises[lasts]
+    is_free = _are_whole(is_narrow, before, after)
+    if also_hidden:
+        is_free |= _are_partly_hidden(is_narrow, before, after, is_free)
     objects = (np.cumsum(is_last) - is_last) % len(lasts)  # number of the object of each return
     free[order] = is_free[objects]
     return free
@@ -64,16 +68,19 @@ def _range_differences(returns: FloatArray, bearings: FloatArray) -> tuple[Float
     return rises, falls
 
 
-def _are_free(is_narrow: BoolArray, falls: FloatArray, rises: FloatArray) -> BoolArray:
+def _are_whole(is_narrow: BoolArray, before: FloatArray, after: FloatArray) -> BoolArray:
     """Return which objects stand free, shape (k,); arguments of each, in order all around.
 
-    `falls` and `rises`: by how much farther is what is seen before and after it [m].
+    `before` and `after`: by how much farther is what is seen on both sides [m].
     """
-    is_seen_before, is_seen_after = ((side > 0.0) & (side < math.inf) for side in (falls, rises))
-    is_seen_beside = is_seen_before | is_seen_after
-    is_whole = is_narrow & (np.minimum(falls, rises) > 0.0) & is_seen_beside
-    is_partly_hidden = (is_seen_after & np.roll(is_whole, 1)) | (
-        is_seen_before & np.roll(is_whole, -1)
-    )
-    free: BoolArray = is_whole | (is_narrow & is_partly_hidden)
-    return free
+    nearer = np.minimum(before, after)
+    return is_narrow & (nearer > 0.0) & (nearer < math.inf)
+
+
+def _are_partly_hidden(
+    is_narrow: BoolArray, before: FloatArray, after: FloatArray, are_whole: BoolArray
+) -> BoolArray:
+    """Return which objects have one of `are_whole` on one side and stand free on the other."""
+    is_seen_before, is_seen_after = ((side > 0.0) & (side < math.inf) for side in (before, after))
+    hides_before, hides_after = np.roll(are_whole, 1), np.roll(are_whole, -1)
+    return is_narrow & ((is_seen_after & hides_before) | (is_seen_before & hides_after))
