@@ -32,8 +32,20 @@ MIN_STEP_S = 0.15
 WINDOW = 1500
 """Number of latest scans that are used: some minutes, so that a drifting clock is followed."""
 
-BIAS_TIME_S = 30.0
-"""Time constant of the bias about gravity, which follows the scans [s]."""
+UNKNOWN_BIAS, REST_BIAS_ERROR = 0.02, 0.0005
+"""Standard deviations of the bias about gravity before anything measures it, and when it has been
+measured at rest [rad/s]."""
+
+BIAS_DRIFT = 3e-5
+"""Standard deviation by which the bias changes in a second [rad/s]: by 0.0005 in five minutes."""
+
+FIRST_NOISE_RAD, LEAST_NOISE_RAD, NOISE_MEMORY = 0.005, 0.001, 0.98
+"""Standard deviation of the headings that scans measure, at first and at least [rad], and the share
+of it that is kept from scan to scan."""
+
+FOLLOWING = 10.0
+"""Factor of the variance of these headings, since matches follow the gyroscope in part: then they
+confirm its bias, and the map shows what it did to the scans before."""
 
 MAX_BIAS_STEP_RAD = 0.03
 """A larger difference between gyroscope and scans in one step is an outlier [rad]."""
@@ -56,6 +68,8 @@ class ImuCalibration:
         self._times: list[float] = []
         self._headings: list[float] = []
         self._last: tuple[float, float] | None = None
+        self._bias_variance, self._num_rests = UNKNOWN_BIAS**2, 0
+        self._noise_variance = FIRST_NOISE_RAD**2
         self._num_kept = 0
         self._due = FIRST_ESTIMATE
 
@@ -84,13 +98,25 @@ class ImuCalibration:
     def _correct_bias(
         self, time: float, heading: float, last_time: float, last_heading: float, track: ImuTrack
     ) -> None:
+        """Correct the bias by what the gyroscope turned more than a scan: a Kalman filter.
+
+        The noisier the headings of the scans are, the longer they are averaged.
+        """
         before, now = last_time - self.time_offset, time - self.time_offset
         if not (self.agrees and now > before and track.covers(before, now)):
             return
         turned = track.at(np.array((before, now)))[:, 2]
         excess = wrap_angle(float(turned[1] - turned[0]) - (heading - last_heading))
-        if abs(excess) < MAX_BIAS_STEP_RAD:
-            track.correct_bias(excess / BIAS_TIME_S)
+        if abs(excess) >= MAX_BIAS_STEP_RAD:
+            return
+        if track.num_rests != self._num_rests:
+            self._num_rests, self._bias_variance = track.num_rests, REST_BIAS_ERROR**2
+        self._bias_variance += BIAS_DRIFT**2 * (now - before)
+        self._noise_variance += (1.0 - NOISE_MEMORY) * (excess**2 - self._noise_variance)
+        noise = FOLLOWING * max(self._noise_variance, LEAST_NOISE_RAD**2) / (now - before) ** 2
+        gain = self._bias_variance / (self._bias_variance + noise)
+        self._bias_variance *= 1.0 - gain
+        track.correct_bias(gain * excess / (now - before))
 
     def _estimate(self, times: FloatArray, headings: FloatArray, track: ImuTrack) -> None:
         reading_times, reading_headings = track.headings()
