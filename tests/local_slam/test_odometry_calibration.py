@@ -94,7 +94,7 @@ def test_the_scale_of_rotation_is_found(scale):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_noisy_headings_on_straight_ways_are_no_turns(seed):
+def test_noisy_headings_on_straight_lines_are_no_turns(seed):
     """Most steps that seem to turn are noise; a few turn indeed, as reported."""
     times, poses = winding_way()
     poses[:, 2] = np.cumsum(np.where(np.mod(times, 60.0) < 1.5, FINE, 0.0))
