@@ -210,7 +210,7 @@ class OdometryMotion:
         num_faulty = self._trust.add(
             time, pose, reported, evidence, self._is_late, is_known, scanner, expected
         )
-        num_faulty = max(num_faulty, int(self._is_step_unmatched(scanner, evidence)))
+        num_faulty = max(num_faulty, self._note_match(scanner, is_matched=evidence is not None))
         if last is None or reported is None or evidence is None or not evidence.is_determined:
             return max(num_faulty, int(self._misses_motion))
         matched = relative(last[1], pose)
@@ -228,17 +228,17 @@ class OdometryMotion:
             self._is_stale = apart > STALE_M or turned_apart > STALE_RAD
         return max(num_faulty, int(self.is_stale))
 
-    def _is_step_unmatched(self, scanner: str, evidence: Evidence | None) -> bool:
-        """Return whether a step begins or ends with a scan that was not matched.
+    def _note_match(self, scanner: str, *, is_matched: bool) -> int:
+        """Note whether a scan was matched; return 1 if the step to it is not to be used, else 0.
 
-        Its pose follows the odometry, which would confirm any calibration.
+        A pose that was not matched follows the odometry, and would confirm any calibration.
         """
         was_unmatched = scanner in self._unmatched
-        if evidence is None:
-            self._unmatched.add(scanner)
-        else:
+        if is_matched:
             self._unmatched.discard(scanner)
-        return was_unmatched or evidence is None
+        else:
+            self._unmatched.add(scanner)
+        return int(was_unmatched or not is_matched)
 
     def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
         """Return whether the odometry reports about such a motion shortly before or after."""

@@ -15,7 +15,6 @@ JUMP_M = 0.25
 WIDEST_M = 0.8
 """Width of a person, at most [m]."""
 
-
 EDGE_RAD = math.radians(20.0)
 """The largest angle between neighbouring returns, beyond this, is where the view ends [rad]."""
 
