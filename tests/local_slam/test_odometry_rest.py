@@ -3,8 +3,10 @@ import math
 
 import pytest
 
+from cartoloop.local_slam.moving_gain import Explained
 from cartoloop.local_slam.odometry_rest import BEFORE_S, NUM_GAINS, OdometryRest, is_at_rest
-from cartoloop.sensor.pose import Pose
+from cartoloop.local_slam.odometry_window import Evidence
+from cartoloop.sensor.pose import IDENTITY, Pose
 
 
 def after_driving(speeds, period=0.2):
@@ -46,6 +48,50 @@ def test_gains_are_averaged_over_the_latest_scans_of_a_rest():
     rest.move(now, now + 0.2, Pose(0.1, 0.0, 0.0))
     rest.begin(now + 0.4)
     assert rest.mean_gain(0.2) == pytest.approx(0.2)
+
+
+def evidence(better, changed=0.0):
+    """What a scan shows, if the motion before explains this share more of it than rest does."""
+    explained = Explained(0.9, 0.9 + better, 0.9 + max(better, 0.0))
+    return Evidence(True, 0.0, lambda _: 0.0, lambda: 0.0, lambda _: changed, lambda *_: explained)
+
+
+def rest_through(rest, now, better, scans=8, changed=0.0):
+    """Return whether odometry that rests is found to miss a motion, scan by scan, until it ends."""
+    found = []
+    for k in range(scans):
+        begin, end = now + 0.2 * k, now + 0.2 * (k + 1)
+        found.append(rest.misses_motion(begin, end, IDENTITY, evidence(better, changed)))
+    rest.move(end, end + 0.2, Pose(0.08, 0.0, 0.0))
+    return found
+
+
+def driving():
+    return after_driving([0.4] * 10)
+
+
+def test_along_bare_walls_the_motion_before_must_explain_more():
+    assert not any(rest_through(*driving(), 0.0))
+    assert not any(rest_through(*driving(), -0.05))
+    found = rest_through(*driving(), 0.03)
+    assert found == [False] * found.index(True) + [True] * (8 - found.index(True))
+
+
+def test_a_robot_that_was_slow_may_have_stopped():
+    assert not any(rest_through(*after_driving([0.05] * 10), 0.03))
+
+
+@pytest.mark.parametrize(
+    ("missed", "real", "is_missed"), [(3, 3, True), (2, 0, False), (3, 4, False)]
+)
+def test_rests_that_scans_show_decide_where_they_show_nothing(missed, real, is_missed):
+    rest, now = driving()
+    for better in [0.05] * missed + [-0.05] * real:
+        rest_through(rest, now, better)
+        now += 2.0
+    assert (rest.num_missed, rest.num_rests) == (missed, real)
+    assert any(rest_through(rest, now, 0.0)) == is_missed
+    assert not any(rest_through(rest, now + 2.0, -0.05))
 
 
 def test_noise_of_the_heading_is_no_motion():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from statistics import fmean
 
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.sensor.pose import Pose
@@ -24,6 +25,14 @@ scans. Among people who walk it is 0.01."""
 ABRUPT_SPEED, ABRUPT_S, WORSE_SHARE = 0.1, 5.0, 0.02
 """Odometry that was faster than the first [m/s] in the last second before it came to rest may have
 stopped alone. For the second [s], that motion must explain this share less than rest does."""
+
+MIN_BETTER, BETTER_SHARE = 2, 0.01
+"""Where fewer ranges have changed, that motion must explain the second share more than rest does,
+in the mean of at least the first number of scans: along bare walls, little is seen to move."""
+
+MIN_MISSED = 3
+"""Odometry that has missed the motion in this many rests, and in as many as it has not, does so
+where scans do not show it, too."""
 
 REST_M, REST_RAD = 1e-6, 0.005
 """Odometry that reports less from scan to scan has not changed [m], [rad]: its heading may have
@@ -43,12 +52,16 @@ class OdometryRest:
     ----------
     since : its begin [s]; infinite while the odometry changes.
     velocity_before : over the last second before, along x and y of the robot [m/s].
+    num_missed, num_rests : earlier rests in which scans have shown that the robot moved on, and
+        that it did not.
     """
 
     def __init__(self) -> None:
         self.since = math.inf
         self.velocity_before = (0.0, 0.0)
+        self.num_missed = self.num_rests = 0
         self._gains: deque[float] = deque(maxlen=NUM_GAINS)
+        self._better: list[float] = []
         self._steps: deque[tuple[float, float, Pose]] = deque()  # begin, end, motion
 
     def misses_motion(
@@ -70,18 +83,39 @@ class OdometryRest:
         if evidence is None or rests_for < MIN_REST_S:
             return False
         since = max(self.since, end - CHANGE_OVER_S)
-        if evidence.changed_share(since) <= MAX_CHANGED_SHARE:
+        has_changed = evidence.changed_share(since) > MAX_CHANGED_SHARE
+        is_abrupt = rests_for < ABRUPT_S and math.hypot(*self.velocity_before) > ABRUPT_SPEED
+        if not (has_changed or is_abrupt):
             return False
         by_rest, by_expected, by_motion = evidence.explained(since, self.velocity_before)
+        if is_abrupt:
+            self._better.append(by_expected - by_rest)
+        if not has_changed:
+            return self._shows_motion()
         gain = self.mean_gain(by_motion - by_rest)
-        if rests_for < ABRUPT_S and math.hypot(*self.velocity_before) > ABRUPT_SPEED:
-            return by_expected > by_rest - WORSE_SHARE
-        return gain > MIN_GAIN
+        return by_expected > by_rest - WORSE_SHARE if is_abrupt else gain > MIN_GAIN
+
+    def _shows_motion(self) -> bool:
+        """Return whether the motion before goes on, as far as scans show while it rests.
+
+        Along bare walls they may show nothing. Then the rests before that they have shown decide.
+        """
+        if len(self._better) < MIN_BETTER:
+            return False
+        least = (
+            -BETTER_SHARE if self.num_missed >= max(MIN_MISSED, self.num_rests) else BETTER_SHARE
+        )
+        return fmean(self._better) > least
 
     def move(self, begin: float, end: float, step: Pose) -> None:
         """Note a step between two times [s], which ends the rest."""
         self.since = math.inf
+        if len(self._better) >= MIN_BETTER:
+            better = fmean(self._better)
+            self.num_missed += better > BETTER_SHARE
+            self.num_rests += better < -BETTER_SHARE
         self._gains.clear()
+        self._better.clear()
         self._steps.append((begin, end, step))
         while end - self._steps[0][1] > BEFORE_S:
             self._steps.popleft()
