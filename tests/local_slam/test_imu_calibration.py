@@ -50,8 +50,23 @@ def test_noisy_scans_do_not_change_what_rest_has_shown():
     assert found == pytest.approx(BIAS, abs=0.001)
 
 
+def test_scans_that_were_not_matched_measure_no_bias():
+    """The bias stays as unknown as before them."""
+    track, calibration = ImuTrack(10.0), ImuCalibration()
+    heading = 0.0
+    for k in range(180 * RATE_HZ):
+        time = k / RATE_HZ
+        track.note_standing(False)
+        track.add(Imu(time, time, (0.0, 0.0, 9.81), (0.0, 0.0, BIAS)))
+        if time < 60.0 and k % 10 == 0:
+            calibration.skip()
+        elif k % 10 == 0:
+            calibration.add(time, Pose(0.0, 0.0, heading), track)
+    assert track.gyro_bias[2] == pytest.approx(BIAS, abs=0.001)
+
+
 def test_scans_follow_a_bias_that_drifts():
-    """It has not been what rest shows for long: scans show it within minutes."""
+    """What rest has shown is soon not true any more: scans show it within minutes."""
     track, calibration = ImuTrack(10.0), ImuCalibration()
     for k in range(600 * RATE_HZ):
         time = k / RATE_HZ

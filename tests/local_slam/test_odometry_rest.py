@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from cartoloop.local_slam.moving_gain import Explained
+from cartoloop.local_slam.moving_gain import ALL_BY_REST, Explained
 from cartoloop.local_slam.odometry_rest import BEFORE_S, NUM_GAINS, OdometryRest, is_at_rest
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.sensor.pose import IDENTITY, Pose
@@ -75,6 +75,17 @@ def test_along_bare_walls_the_motion_before_must_explain_more():
     assert not any(rest_through(*driving(), -0.05))
     found = rest_through(*driving(), 0.03)
     assert found == [False] * found.index(True) + [True] * (8 - found.index(True))
+
+
+def test_scans_that_show_nothing_are_no_proof_of_rest():
+    rest, now = driving()
+    unknown = evidence(0.0)._replace(explained=lambda *_: ALL_BY_REST)
+    for k in range(10):
+        shown = evidence(0.05) if k % 2 else unknown
+        is_missed = rest.misses_motion(now + 0.2 * k, now + 0.2 * (k + 1), IDENTITY, shown)
+    assert is_missed
+    rest.move(now + 2.0, now + 2.2, Pose(0.08, 0.0, 0.0))
+    assert (rest.num_missed, rest.num_rests) == (1, 0)
 
 
 def test_a_robot_that_was_slow_may_have_stopped():

@@ -19,6 +19,10 @@ from cartoloop.sensor.pose import IDENTITY, Pose, compose
 HORIZON_S = LocalSlamConfig().prediction.velocity_horizon
 
 
+SEEN = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
+"""Of a match that determines the position in both directions."""
+
+
 @pytest.fixture
 def extrapolator():
     return PoseExtrapolator(LocalSlamConfig())
@@ -160,7 +164,8 @@ def test_readings_that_give_way_to_others_do_not_add_up(extrapolator):
     ("share", "by_rest", "by_expected", "is_by_odometry"),
     [
         (0.0, 0.9, 0.9, True),
-        (0.1, 0.2, 0.9, True),
+        (0.1, 0.9, 0.9, True),
+        (0.1, 0.9, 0.95, False),
         (0.4, 0.6, 0.6, False),
         (0.4, 0.7, 0.4, True),
     ],
@@ -431,7 +436,7 @@ def test_the_offset_of_the_odometrys_clock_is_corrected():
     times = [period * k for k in range(400)]
     for time in times:
         extrapolator.add_odometry(time, true_pose(time + offset))
-        extrapolator.add_pose(time, true_pose(time))
+        extrapolator.add_pose(time, true_pose(time), evidence=SEEN)
     assert extrapolator.odometry.model.time_offset == pytest.approx(offset, abs=0.03)
     extrapolator.add_odometry(times[-1] + period, true_pose(times[-1] + period + offset))
     expected = true_pose(times[-1] + period)
@@ -453,7 +458,7 @@ def test_the_offset_of_the_imus_clock_is_corrected():
             time = begin + 0.01 * j
             rate = 1.5 * 0.9 * math.cos(0.9 * (time + offset))
             extrapolator.add_imu(Imu(time, time, (0.0, 0.0, 9.81), (0.0, 0.0, rate)))
-        extrapolator.add_pose(begin, Pose(0.0, 0.0, heading(begin)))
+        extrapolator.add_pose(begin, Pose(0.0, 0.0, heading(begin)), evidence=SEEN)
     assert extrapolator.gyroscope.calibration.time_offset == pytest.approx(offset, abs=0.02)
     expected = heading(300 * period)
     predicted = extrapolator.predict(300 * period).tf_local_tracking.theta
@@ -468,7 +473,9 @@ def test_a_gyroscope_mounted_upside_down_is_not_used():
             extrapolator.add_imu(
                 Imu(time + 0.02 * j, time + 0.02 * j, (0.0, 0.0, 9.81), (0.0, 0.0, -0.5))
             )
-        extrapolator.add_pose(time, Pose(0.0, 0.0, math.remainder(0.5 * time, math.tau)))
+        extrapolator.add_pose(
+            time, Pose(0.0, 0.0, math.remainder(0.5 * time, math.tau)), evidence=SEEN
+        )
     assert not extrapolator.gyroscope.calibration.agrees
     ahead = extrapolator.predict(20.0).tf_local_tracking.theta
     assert math.remainder(ahead - 10.0, math.tau) == pytest.approx(0.0, abs=0.01)
@@ -477,12 +484,14 @@ def test_a_gyroscope_mounted_upside_down_is_not_used():
 @pytest.mark.parametrize("is_matched", [True, False])
 def test_scans_that_were_not_matched_calibrate_nothing(extrapolator, is_matched):
     """Their poses follow the odometry, whatever it is calibrated to."""
+    pose = reported = IDENTITY
     seen = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
     for k in range(120):
-        extrapolator.add_odometry(0.2 * k, Pose(0.1 * k, 0.0, 0.0))
-        extrapolator.add_pose(
-            0.2 * k, Pose(0.09 * k, 0.0, 0.0), evidence=seen if is_matched or k % 2 else None
-        )
+        heading = 0.3 * math.sin(0.35 * k)
+        reported = compose(reported, Pose(0.1, 0.0, heading))
+        pose = compose(pose, Pose(0.09, 0.0, heading))
+        extrapolator.add_odometry(0.2 * k, reported)
+        extrapolator.add_pose(0.2 * k, pose, evidence=seen if is_matched or k % 2 else None)
     found = extrapolator.odometry.model
     assert found.is_known == is_matched
     assert found.translation_scale == pytest.approx(0.9 if is_matched else 1.0, abs=1e-3)

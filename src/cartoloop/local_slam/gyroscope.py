@@ -43,11 +43,18 @@ class Gyroscope:
             self.track = ImuTrack(self._gravity_time_constant)
         self.track.add(imu)
 
-    def add_pose(self, time: float, pose: Pose, *, may_stand: bool) -> None:
-        """Add a scan's pose as matched; `may_stand`: it does not contradict a robot at rest."""
-        if self.track is not None:
-            self.track.note_standing(may_stand)
+    def add_pose(self, time: float, pose: Pose, *, is_matched: bool, may_stand: bool) -> None:
+        """Add a scan's pose; `may_stand`: it does not contradict a robot at rest.
+
+        One that was not matched follows the gyroscope, and says nothing about it.
+        """
+        if self.track is None:
+            return
+        self.track.note_standing(may_stand)
+        if is_matched:
             self.calibration.add(time, pose, self.track)
+        else:
+            self.calibration.skip()
 
     def with_turn(self, step: Pose, begin: float, end: float) -> Pose:
         """Return a step with the rotation that the gyroscope measured, if it did."""

@@ -40,11 +40,11 @@ BIAS_DRIFT = 3e-5
 """Standard deviation by which the bias changes in a second [rad/s]: by 0.0005 in five minutes."""
 
 FIRST_NOISE_RAD, LEAST_NOISE_RAD, NOISE_MEMORY = 0.005, 0.001, 0.98
-"""Standard deviation of the headings that scans measure, at first and at least [rad], and the share
-of it that is kept from scan to scan."""
+"""Standard deviation of the difference between scans and gyroscope in a step, at first and at least
+[rad], and the share of its square that is kept from scan to scan."""
 
 FOLLOWING = 10.0
-"""Factor of the variance of these headings, since matches follow the gyroscope in part: then they
+"""Factor of that square, since matches follow the gyroscope in part: then they
 confirm its bias, and the map shows what it did to the scans before."""
 
 MAX_BIAS_STEP_RAD = 0.03
@@ -94,6 +94,10 @@ class ImuCalibration:
             self._due = next_estimate(self._num_kept)
             del self._times[:-WINDOW], self._headings[:-WINDOW]
             self._estimate(np.array(self._times), np.array(self._headings), track)
+
+    def skip(self) -> None:
+        """Note a scan that was not matched: the next step does not begin at the last one."""
+        self._last = None
 
     def _correct_bias(
         self, time: float, heading: float, last_time: float, last_heading: float, track: ImuTrack

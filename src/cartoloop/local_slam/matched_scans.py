@@ -15,16 +15,29 @@ from cartoloop.sensor.pose import Pose, pose_rows
 
 @dataclass(slots=True)
 class ScanSeries:
-    """The scans of one scanner, and whether the step to each is used; not that to the first."""
+    """The scans of one scanner, and whether the step to each is used; not that to the first.
+
+    A pose that was not matched follows the odometry, and would confirm any calibration.
+    """
 
     times: list[float] = field(default_factory=list)
     poses: list[Pose] = field(default_factory=list)
     is_usable: list[bool] = field(default_factory=list)
+    is_matched: list[bool] = field(default_factory=list)
 
     def cut(self, window: int) -> None:
         """Drop all but the latest scans."""
-        del self.times[:-window], self.poses[:-window], self.is_usable[:-window]
+        del self.times[:-window], self.poses[:-window]
+        del self.is_usable[:-window], self.is_matched[:-window]
         self.is_usable[0] = False
+
+    def steps(self, window: int, *, with_faulty: bool) -> BoolArray:
+        """Return which steps to the latest scans are used, as :func:`latest` does."""
+        matched = np.array(self.is_matched[-window:])
+        usable = np.array(self.is_usable[-window:]) | with_faulty
+        usable[0] = False
+        usable[1:] &= matched[1:] & matched[:-1]
+        return usable
 
 
 class MatchedScans(NamedTuple):
@@ -46,14 +59,11 @@ def latest(series: Iterable[ScanSeries], window: int, *, with_faulty: bool = Fal
 
     Parameters
     ----------
-    with_faulty : whether steps that are not used count as usable.
+    with_faulty : whether steps count as usable that are not used since the odometry was faulty.
     """
-    every = [(one.times[-window:], one.poses[-window:], one.is_usable[-window:]) for one in series]
-    is_usable = [np.array(usable, dtype=np.bool_) | with_faulty for _, _, usable in every]
-    for one in is_usable:
-        one[0] = False
+    every = list(series)
     return MatchedScans(
-        np.concatenate([np.array(times) for times, _, _ in every]),
-        np.concatenate([pose_rows(poses) for _, poses, _ in every]),
-        np.concatenate(is_usable),
+        np.concatenate([np.array(one.times[-window:]) for one in every]),
+        np.concatenate([pose_rows(one.poses[-window:]) for one in every]),
+        np.concatenate([one.steps(window, with_faulty=with_faulty) for one in every]),
     )

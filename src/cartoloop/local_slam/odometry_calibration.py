@@ -136,11 +136,14 @@ class OdometryCalibration:
         track: OdometryTrack,
         num_faulty: int = 0,
         scanner: str = "",
+        *,
+        is_matched: bool = True,
     ) -> None:
-        """Add a scan's pose as matched; from time to time, estimate again.
+        """Add a scan's pose; from time to time, estimate again.
 
-        `num_faulty` of the latest steps of this scanner, up to this scan, are not used. Steps are
-        taken between scans of one scanner, since the clocks of scanners differ.
+        `num_faulty` of the latest steps of this scanner, up to this scan, are not used, nor those
+        to and from a scan that was not matched. Steps are taken between scans of one scanner, since
+        the clocks of scanners differ.
         """
         self._num_scans += 1
         self._note_scale(time)
@@ -148,6 +151,7 @@ class OdometryCalibration:
         series.times.append(time)
         series.poses.append(tf_local_tracking)
         series.is_usable.append(bool(series.is_usable))
+        series.is_matched.append(is_matched)
         if num_faulty:
             series.is_usable[-num_faulty:] = [False] * min(num_faulty, len(series.is_usable))
         if self._num_scans >= self._due:
@@ -184,14 +188,16 @@ class OdometryCalibration:
         )
         known = replace(before, veer=veer, num_stretches=num_stretches)
         scans = latest(every, self._window)
-        if np.mean(scans.is_usable) < MOST_FAULTY:
-            scans = self._with_explained(scans, track)
+        matched = latest(every, self._window, with_faulty=True)
+        if np.sum(scans.is_usable) < MOST_FAULTY * np.sum(matched.is_usable):
+            scans = self._with_explained(scans, matched, track)
         model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
         return self._with_scale(model, track, math.inf if model is known else MATCHED_ERROR)
 
-    def _with_explained(self, scans: MatchedScans, track: OdometryTrack) -> MatchedScans:
+    def _with_explained(
+        self, scans: MatchedScans, every: MatchedScans, track: OdometryTrack
+    ) -> MatchedScans:
         """Return the scans, with all steps usable if another calibration explains most of them."""
-        every = latest(self._series.values(), self._window, with_faulty=True)
         start = replace(OdometryParameters(), veer=self.model.veer)
         model = estimate(every.times, every.poses, *track.arrays(), start, every.is_usable)
         return every if _explains(model, every) else scans

@@ -70,7 +70,6 @@ class OdometryMotion:
         self._rest = OdometryRest()
         self._stood_at: Pose | None = None
         self._num_late = 0
-        self._unmatched: set[str] = set()
 
     @property
     def model(self) -> OdometryParameters:
@@ -163,11 +162,13 @@ class OdometryMotion:
         """How long a scan waits for the reading after it [s]: as long as it may take to come."""
         return max(MAX_EXTRAPOLATION_S, self._track.period.longest_s)
 
-    def add_pose(self, time: float, pose: Pose, num_faulty: int, scanner: str) -> None:
-        """Calibrate with a matched pose; `num_faulty` of the latest steps are left out."""
+    def add_pose(
+        self, time: float, pose: Pose, num_faulty: int, scanner: str, *, is_matched: bool
+    ) -> None:
+        """Calibrate with a scan's pose; `num_faulty` of the latest steps are left out."""
         if not self.has_readings:
             return
-        self._calibration.add(time, pose, self._track, num_faulty, scanner)
+        self._calibration.add(time, pose, self._track, num_faulty, scanner, is_matched=is_matched)
         reported = self._track.at(time - self.model.time_offset)
         turns = self._turns.setdefault(scanner, TurnComparison())
         turns.add(pose.theta, None if reported is None else reported.theta)
@@ -210,7 +211,6 @@ class OdometryMotion:
         num_faulty = self._trust.add(
             time, pose, reported, evidence, self._is_late, is_known, scanner, expected
         )
-        num_faulty = max(num_faulty, self._note_match(scanner, is_matched=evidence is not None))
         if last is None or reported is None or evidence is None or not evidence.is_determined:
             return max(num_faulty, int(self._misses_motion))
         matched = relative(last[1], pose)
@@ -227,18 +227,6 @@ class OdometryMotion:
         elif reported == IDENTITY:
             self._is_stale = apart > STALE_M or turned_apart > STALE_RAD
         return max(num_faulty, int(self.is_stale))
-
-    def _note_match(self, scanner: str, *, is_matched: bool) -> int:
-        """Note whether a scan was matched; return 1 if the step to it is not to be used, else 0.
-
-        A pose that was not matched follows the odometry, and would confirm any calibration.
-        """
-        was_unmatched = scanner in self._unmatched
-        if is_matched:
-            self._unmatched.discard(scanner)
-        else:
-            self._unmatched.add(scanner)
-        return int(was_unmatched or not is_matched)
 
     def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
         """Return whether the odometry reports about such a motion shortly before or after."""

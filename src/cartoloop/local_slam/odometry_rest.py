@@ -11,6 +11,7 @@ import math
 from collections import deque
 from statistics import fmean
 
+from cartoloop.local_slam.moving_gain import ALL_BY_REST
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.sensor.pose import Pose
 
@@ -28,7 +29,8 @@ stopped alone. For the second [s], that motion must explain this share less than
 
 MIN_BETTER, BETTER_SHARE = 2, 0.01
 """Where fewer ranges have changed, that motion must explain the second share more than rest does,
-in the mean of at least the first number of scans: along bare walls, little is seen to move."""
+in the mean of at least the first number of scans: along bare walls, little is seen to move. By as
+much less, the scans show rest."""
 
 MIN_MISSED = 3
 """Odometry that has missed the motion in this many rests, and in as many as it has not, does so
@@ -87,8 +89,9 @@ class OdometryRest:
         is_abrupt = rests_for < ABRUPT_S and math.hypot(*self.velocity_before) > ABRUPT_SPEED
         if not (has_changed or is_abrupt):
             return False
-        by_rest, by_expected, by_motion = evidence.explained(since, self.velocity_before)
-        if is_abrupt:
+        explained = evidence.explained(since, self.velocity_before)
+        by_rest, by_expected, by_motion = explained
+        if is_abrupt and explained != ALL_BY_REST:
             self._better.append(by_expected - by_rest)
         if not has_changed:
             return self._shows_motion()

@@ -130,11 +130,12 @@ class PoseExtrapolator:
         self._time, self._tf_local_tracking = time, tf_local_tracking
         self._recent.append((time, tf_local_tracking))
         self._num_poses += 1
-        self.odometry.add_pose(middle_time, middle, num_faulty, scanner)
+        is_matched = evidence is not None
+        self.odometry.add_pose(middle_time, middle, num_faulty, scanner, is_matched=is_matched)
         if self.gyroscope.track is not None:
             x, y, rate = self._velocity.step(1.0)
             may_stand = math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE
-            self.gyroscope.add_pose(middle_time, middle, may_stand=may_stand)
+            self.gyroscope.add_pose(middle_time, middle, is_matched=is_matched, may_stand=may_stand)
 
     def relocate(self) -> None:
         """Note that the next pose does not follow from the latest: these were wrong."""

@@ -16,7 +16,7 @@ WIDEST_M = 0.8
 """Width of a person, at most [m]."""
 
 EDGE_RAD = math.radians(20.0)
-"""The largest angle between neighbouring returns, beyond this, is where the view ends [rad]."""
+"""The view ends at the largest angle between neighbouring returns, if that is larger [rad]."""
 
 
 def are_free_standing(returns: FloatArray, *, also_hidden: bool = False) -> BoolArray:
