@@ -80,7 +80,7 @@ def test_odometry_that_turns_to_the_other_side_is_not_trusted(sign, is_trusted):
         time, heading = 0.2 * step, 0.1 * step
         x, y = math.sin(heading), 1.0 - math.cos(heading)
         motion.add(time, Pose(x, sign * y, sign * wrap_angle(heading)))
-        motion.add_pose(time, Pose(x, y, wrap_angle(heading)), 0, "laser")
+        motion.add_pose(time, Pose(x, y, wrap_angle(heading)), 0, "laser", is_matched=True)
         assert motion.is_trusted or heading >= ENOUGH_RAD
 
     assert motion.is_trusted is is_trusted
