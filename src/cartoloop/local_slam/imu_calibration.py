@@ -44,8 +44,7 @@ FIRST_NOISE_RAD, LEAST_NOISE_RAD, NOISE_MEMORY = 0.005, 0.001, 0.98
 [rad], and the share of its square that is kept from scan to scan."""
 
 FOLLOWING = 10.0
-"""Factor of that square, since matches follow the gyroscope in part: then they
-confirm its bias, and the map shows what it did to the scans before."""
+"""Factor of that square, since matches follow the gyroscope in part, and then confirm its bias."""
 
 MAX_BIAS_STEP_RAD = 0.03
 """A larger difference between gyroscope and scans in one step is an outlier [rad]."""

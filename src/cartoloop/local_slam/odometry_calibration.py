@@ -188,16 +188,15 @@ class OdometryCalibration:
         )
         known = replace(before, veer=veer, num_stretches=num_stretches)
         scans = latest(every, self._window)
-        matched = latest(every, self._window, with_faulty=True)
-        if np.sum(scans.is_usable) < MOST_FAULTY * np.sum(matched.is_usable):
-            scans = self._with_explained(scans, matched, track)
+        num_matched = sum(one.steps(self._window, with_faulty=True).sum() for one in every)
+        if scans.is_usable.sum() < MOST_FAULTY * num_matched:
+            scans = self._with_explained(scans, track)
         model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
         return self._with_scale(model, track, math.inf if model is known else MATCHED_ERROR)
 
-    def _with_explained(
-        self, scans: MatchedScans, every: MatchedScans, track: OdometryTrack
-    ) -> MatchedScans:
+    def _with_explained(self, scans: MatchedScans, track: OdometryTrack) -> MatchedScans:
         """Return the scans, with all steps usable if another calibration explains most of them."""
+        every = latest(self._series.values(), self._window, with_faulty=True)
         start = replace(OdometryParameters(), veer=self.model.veer)
         model = estimate(every.times, every.poses, *track.arrays(), start, every.is_usable)
         return every if _explains(model, every) else scans

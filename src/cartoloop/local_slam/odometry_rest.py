@@ -105,10 +105,8 @@ class OdometryRest:
         """
         if len(self._better) < MIN_BETTER:
             return False
-        least = (
-            -BETTER_SHARE if self.num_missed >= max(MIN_MISSED, self.num_rests) else BETTER_SHARE
-        )
-        return fmean(self._better) > least
+        often_misses = self.num_missed >= max(MIN_MISSED, self.num_rests)
+        return fmean(self._better) > (-BETTER_SHARE if often_misses else BETTER_SHARE)
 
     def move(self, begin: float, end: float, step: Pose) -> None:
         """Note a step between two times [s], which ends the rest."""
