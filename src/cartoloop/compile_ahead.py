@@ -26,6 +26,7 @@ from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.encounters import shifts_in
 from cartoloop.quality.pairs import agreement
+from cartoloop.quality.slides import fits_along
 from cartoloop.runtime.process_memory import relax_gc
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose
@@ -65,6 +66,7 @@ def compile_ahead() -> None:
     scans = slam.node_points.take(np.zeros(1, dtype=np.int64))
     agreement(grids[0], scans, np.zeros((1, 3)), math.inf)
     shifts_in(grids[0], ScanPoints.of([scans[0]]), _RESOLUTION)
+    fits_along(grids[0], ScanPoints.of([scans[0]]), np.array([[1.0, 0.0]]), np.zeros(1))
     _close_loops(every_nth_node=1)
     _done_file().touch()
 

@@ -16,6 +16,7 @@ from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.pairs import WALL, MapContent, cell_grid, cell_value
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.finished_grid import FinishedGrid
 
 REACHES_M, STEP_M = (5.0, 8.0), 0.1
 """Displacements that are tried [m]: far ones are rarer, and more of them fit by chance."""
@@ -69,17 +70,7 @@ def slides(
         groups = [_points(met, row, scans, config.max_range) for row in rows.tolist()]
         directions = np.array([_direction(met, row, content) for row in rows.tolist()])
         batch = ScanPoints.of(groups)
-        counts = np.zeros((len(rows), len(shifts)), dtype=np.int64)
-        count_along(
-            cell_grid(content.submap_grids[submap]),
-            cell_value(WALL),
-            batch.points,
-            batch.firsts,
-            batch.ends,
-            directions,
-            shifts,
-            counts,
-        )
+        counts = fits_along(content.submap_grids[submap], batch, directions, shifts)
         for reach, displaced in zip(REACHES_M, found, strict=True):
             tried = np.abs(shifts) < reach + 0.5 * STEP_M
             displaced[rows] = _displaced(counts[:, tried], batch.counts, shifts[tried])
@@ -91,6 +82,31 @@ def slides(
         displaced[~same] = np.nan
     most: FloatArray = found[np.isfinite(found).sum(axis=1).argmax()]
     return most
+
+
+def fits_along(
+    grid: FinishedGrid, batch: ScanPoints, directions: FloatArray, shifts: FloatArray
+) -> IntArray:
+    """Return how many returns of each group lie on walls of a grid after each shift, shape (n, m).
+
+    Parameters
+    ----------
+    batch : n groups of returns, frame of the submap [m].
+    directions : of the shifts, unit vectors, shape (n, 2).
+    shifts : shape (m,) [m].
+    """
+    counts = np.zeros((len(directions), len(shifts)), dtype=np.int64)
+    count_along(
+        cell_grid(grid),
+        cell_value(WALL),
+        batch.points,
+        batch.firsts,
+        batch.ends,
+        directions,
+        shifts,
+        counts,
+    )
+    return counts
 
 
 def num_examined(num_encounters: int) -> int:
