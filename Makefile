@@ -34,12 +34,13 @@ demo: .venv/.installed
 	$(BIN)/cartoloop demo -o $(OUT)
 
 # Neither the check of types nor the first process that compiles kernels uses a second core. Three
-# processes run the tests on two: they often wait for browsers and programs.
+# processes run the tests on two: they often wait for browsers and programs. Files of slow tests
+# come first, as tests/conftest.py sorts them.
 test: .venv/.installed-dev
 	@$(MAKE) --no-print-directory --jobs=2 check kernels
 	@$(MAKE) --no-print-directory boundscheck
 	@tests/viewer/install_browser.sh
-	$(BIN)/python -m pytest -n 3 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 # Two processes compile at first, each what the other has not. Warnings of new libraries about old
 # ones are no faults.
