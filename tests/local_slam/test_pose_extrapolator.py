@@ -252,6 +252,48 @@ def test_odometry_that_catches_up_shows_where_the_robot_is(extrapolator, speed):
     assert extrapolator.summary()["odometry"]["catch_ups"] == 1
 
 
+def drive_and_stop(extrapolator, held, better, turn=0.0):
+    """Drive at 0.25 m/s; then the odometry stops, and matches move at the share `held` of that.
+
+    Scans show that the motion before explains them better than rest, by the share `better`.
+    """
+    explained = Explained(0.9 - better, 0.9, 0.9)
+    evidence = SEEN._replace(changed_share=lambda _: 0.05, explained=lambda *_: explained)
+    made_up = []
+    for k in range(31):
+        driven = Pose(0.05 * min(k, 20), 0.0, 0.0)
+        extrapolator.add_odometry(0.2 * k, driven)
+        made_up.append(extrapolator.make_up())
+        matched = Pose(driven.x + 0.05 * held * max(k - 20, 0), 0.0, turn * max(k - 20, 0))
+        extrapolator.add_pose(0.2 * k, matched, evidence=evidence)
+    return made_up
+
+
+def test_motion_that_odometry_at_rest_misses_is_made_up_for(extrapolator):
+    made_up = drive_and_stop(extrapolator, held=0.0, better=0.05)
+    (missed,) = (each for each in made_up if each is not None)
+    assert missed.begin == pytest.approx(3.8)  # the last step may have been cut short
+    assert missed.tf_local_tracking == pytest.approx(Pose(0.95, 0.0, 0.0))
+    assert missed.velocity == pytest.approx((0.25, 0.0))
+
+
+def test_the_next_scan_is_predicted_where_the_motion_leads(extrapolator):
+    extrapolator.make_up = lambda: None
+    drive_and_stop(extrapolator, held=0.0, better=0.05)
+    del extrapolator.make_up
+    assert extrapolator.make_up() is not None
+    extrapolator.add_odometry(6.2, Pose(1.0, 0.0, 0.0))
+    assert extrapolator.predict(6.2).tf_local_tracking == pytest.approx(Pose(1.55, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("held", "better", "turn"), [(0.9, 0.05, 0.0), (0.0, -0.05, 0.0), (0.0, 0.05, 0.05)]
+)
+def test_matches_that_follow_are_not_made_up_for(extrapolator, held, better, turn):
+    made_up = drive_and_stop(extrapolator, held, better, turn)
+    assert not any(made_up)
+
+
 @pytest.mark.parametrize("is_determined", [True, False])
 def test_noisy_odometry_says_how_far_along_a_corridor(extrapolator, is_determined):
     """The robot moves steadily, unlike its odometry, and then stops, in a room or a corridor."""

@@ -86,3 +86,10 @@ def test_sigma_equals_the_error_of_the_prediction():
         true_velocity += rng.normal(0.0, acceleration * duration)
         errors.append(velocity.step(duration).x - true_velocity * duration + noise)
     assert np.std(errors) == pytest.approx(velocity.sigmas(duration)[0], rel=0.35)
+
+
+def test_another_velocity_is_taken_and_the_turn_is_kept(velocity):
+    for _ in range(20):
+        velocity.update(Pose(0.0, 0.0, 0.02), 0.1)
+    velocity.resume(0.5, -0.1)
+    assert velocity.step(1.0) == pytest.approx(Pose(0.5, -0.1, 0.2), abs=1e-3)

@@ -9,6 +9,7 @@ import pytest
 
 from cartoloop.config import WallStepConfig
 from cartoloop.local_slam.match_records import WallMemory
+from cartoloop.local_slam.missed_motion import MissedMotion
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, transform_points
 
@@ -285,3 +286,13 @@ def test_odometry_that_repeats_a_reading_is_given_time():
     found = walk(wall_step, places, np.zeros(30), CUPBOARDS, **odometry)
     first = next(k for k, pose in enumerate(found) if pose is not None)
     assert 0.2 * first == pytest.approx(CONFIG.max_standstill, abs=0.5)
+
+
+def test_a_scan_that_was_held_is_corrected():
+    """The scan before was where its odometry stopped, by its match; a metre further, in fact."""
+    rng, wall_step = np.random.default_rng(0), WallStep(CONFIG)
+    wall_step.add(0.0, IDENTITY, IDENTITY, corridor_scan(1.0, rng))
+    wall_step.correct(MissedMotion(-2.0, IDENTITY, (0.5, 0.0)))
+    found = wall_step.better_pose(0.2, Pose(1.0, 0.0, 0.0), corridor_scan(1.3, rng))
+    assert found is not None
+    assert found.x == pytest.approx(1.3, abs=0.05)

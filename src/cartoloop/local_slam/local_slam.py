@@ -186,6 +186,9 @@ class LocalSlam:
         filtered = self._filter(scan, time)
         scanner.noise = filtered.data.noise
         with self._timer.measure("predict"):
+            if (missed := self.extrapolator.make_up()) is not None:
+                for each in self._scanners.values():
+                    each.wall_step.correct(missed)
             prediction = self.extrapolator.predict(time)
         has_points = len(filtered.points) >= self._config.insertion.min_num_points
         match, by_walls = None, False

@@ -69,6 +69,7 @@ class OdometryMotion:
         self._is_stale = self._misses_motion = False
         self._rest = OdometryRest()
         self._stood_at: Pose | None = None
+        self._made_up_for = -math.inf  # begin of the latest rest whose motion was asked for
         self._num_late = 0
 
     @property
@@ -248,6 +249,18 @@ class OdometryMotion:
             return None
         self._num_late = self._track.num_late
         return self._track.late_since + self.model.time_offset
+
+    def missed_motion(self) -> tuple[float, tuple[float, float]] | None:
+        """Return since when it has missed the robot's motion [s], and its velocity then [m/s].
+
+        Once for each time in which it rests; None if it does not.
+        """
+        if not self._misses_motion or self._made_up_for == self._rest.since:
+            return None
+        if not self._rest.shows_motion():
+            return None
+        self._made_up_for = self._rest.since
+        return self._rest.driven_until, self._rest.velocity_before
 
     def forgive(self, since: float) -> bool:
         """Forget a fault that began after a time [s]; return whether it is trusted."""

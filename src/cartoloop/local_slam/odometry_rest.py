@@ -53,13 +53,14 @@ class OdometryRest:
     Attributes
     ----------
     since : its begin [s]; infinite while the odometry changes.
+    driven_until : time until which the odometry has surely measured the motion before [s].
     velocity_before : over the last second before, along x and y of the robot [m/s].
     num_missed, num_rests : earlier rests in which scans have shown that the robot moved on, and
         that it did not.
     """
 
     def __init__(self) -> None:
-        self.since = math.inf
+        self.since = self.driven_until = math.inf
         self.velocity_before = (0.0, 0.0)
         self.num_missed = self.num_rests = 0
         self._gains: deque[float] = deque(maxlen=NUM_GAINS)
@@ -80,7 +81,7 @@ class OdometryRest:
         if not is_at_rest(step):
             self.move(begin, end, step)
             return False
-        self.begin(end)
+        self.begin(begin, end)
         rests_for = end - self.since
         if evidence is None or rests_for < MIN_REST_S:
             return False
@@ -94,11 +95,11 @@ class OdometryRest:
         if is_abrupt and explained != ALL_BY_REST:
             self._better.append(by_expected - by_rest)
         if not has_changed:
-            return self._shows_motion()
+            return self.shows_motion()
         gain = self.mean_gain(by_motion - by_rest)
         return by_expected > by_rest - WORSE_SHARE if is_abrupt else gain > MIN_GAIN
 
-    def _shows_motion(self) -> bool:
+    def shows_motion(self) -> bool:
         """Return whether the motion before goes on, as far as scans show while it rests.
 
         Along bare walls they may show nothing. Then the rests before that they have shown decide.
@@ -121,18 +122,20 @@ class OdometryRest:
         while end - self._steps[0][1] > BEFORE_S:
             self._steps.popleft()
 
-    def begin(self, time: float) -> None:
-        """Begin to rest at a time, if it does not already."""
+    def begin(self, begin: float, end: float) -> None:
+        """Begin to rest with a step between two times [s], if it does not already."""
         if self.since < math.inf:
             return
-        self.since = time
+        self.since, self.driven_until = end, begin
+        self.velocity_before = (0.0, 0.0)
         seconds = math.fsum(end - begin for begin, end, _ in self._steps)
         if seconds > 0.0:
             x = math.fsum(step.x for _, _, step in self._steps)
             y = math.fsum(step.y for _, _, step in self._steps)
             self.velocity_before = (x / seconds, y / seconds)
-        else:
-            self.velocity_before = (0.0, 0.0)
+            before_begin, before_end, _ = self._steps[-1]
+            if before_end == begin:  # It may have stopped within the step before.
+                self.driven_until = before_begin
         self._steps.clear()
 
     def mean_gain(self, gain: float) -> float:

@@ -14,6 +14,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.gap import MIN_GAP_S, Gap, gap_by_odometry, gap_without_odometry, is_gap
 from cartoloop.local_slam.gyroscope import Gyroscope
+from cartoloop.local_slam.missed_motion import MissedMotion
 from cartoloop.local_slam.odometry_motion import OdometryMotion
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
@@ -226,6 +227,30 @@ class PoseExtrapolator:
             return step
         missed = relative(assumed, known)
         return compose(Pose(missed.x, missed.y, 0.0), step)
+
+    def make_up(self) -> MissedMotion | None:
+        """Correct the latest pose where odometry has stopped alone; return the motion it missed.
+
+        The matches of scans were held where the robot was, most of all along bare walls.
+        """
+        found = self.odometry.missed_motion()
+        if found is None:
+            return None
+        since, velocity = found
+        before = [entry for entry in self._recent if entry[0] <= since]
+        if not before:
+            return None
+        missed = MissedMotion(*before[-1], velocity)
+        if not missed.is_held(self._time, self._tf_local_tracking):
+            return None
+        self._tf_local_tracking = missed.corrected(self._time, self._tf_local_tracking)
+        self._middle = missed.corrected(self._middle_time, self._middle)
+        self._middles = {
+            scanner: (time, missed.corrected(time, middle))
+            for scanner, (time, middle) in self._middles.items()
+        }
+        self._velocity.resume(*velocity)
+        return missed
 
     def _caught_up(self, since: float, time: float) -> Prediction | None:
         """Return the motion prior once the odometry has caught up, None if that is not possible.

@@ -66,6 +66,10 @@ class VelocityFilter:
             theta + angular * (step.theta / duration - theta),
         )
 
+    def resume(self, x: float, y: float) -> None:
+        """Take another linear velocity [m/s], which the latest steps have not shown."""
+        self._velocity = Pose(x, y, self._velocity.theta)
+
     def step(self, duration: float) -> Pose:
         """Return the step in a time [s] at constant velocity, then at rest."""
         ahead = min(duration, self._config.velocity_horizon)

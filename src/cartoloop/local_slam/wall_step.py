@@ -17,12 +17,14 @@ better than the matched one by noise alone; as much is no evidence.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
 from cartoloop.local_slam.match_records import WallMemory
+from cartoloop.local_slam.missed_motion import MissedMotion
 from cartoloop.local_slam.wall_comparison import (
     Comparison,
     EarlierScan,
@@ -75,6 +77,12 @@ class WallStep:
         if self._last is not None and not self._is_due:
             return
         self._last = EarlierScan(time, pose, tf_tracking_sensor, returns)
+
+    def correct(self, missed: MissedMotion) -> None:
+        """Correct the pose of the scan before, which the odometry's rest has held."""
+        if self._last is not None:
+            pose = missed.corrected(self._last.time, self._last.pose)
+            self._last = replace(self._last, pose=pose)
 
     def better_pose(
         self,
