@@ -35,6 +35,7 @@ from cartoloop.quality.pairs import agreement
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
+from cartoloop.sensor.free_standing import are_free_standing
 from cartoloop.sensor.isolated_returns import without_isolated
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
@@ -50,7 +51,7 @@ from cartoloop.submaps.probability_grid import (
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "smooth", "hide", "isolated", "thin", "move", "cast rays",
+    "local SLAM", "filter", "smooth", "hide", "isolated", "people", "thin", "move", "cast rays",
     "update cells", "insert", "match", "correlative", "wall step",
     "finish", "precompute", "mean score", "agree", "fit", "changes", "displace", "branch and bound",
     "match again", "compose map", "fade",
@@ -151,6 +152,10 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload(
         "isolated", ("near_neighbours",), case,
         partial(without_isolated, data.returns), len(data.returns), "points",
+    )  # fmt: skip
+    yield Workload(
+        "people", ("free_standing",), case,
+        partial(are_free_standing, data.returns), len(data.returns), "points",
     )  # fmt: skip
     sensor = compose(tf_local_tracking, data.tf_tracking_sensor)
     returns = moved_points(*tf_local_tracking, data.returns)

@@ -82,6 +82,7 @@ for name, signatures in compiled().items():
 LOCAL_SLAM = {
     "behind_walls",
     "correlative",
+    "free_standing",
     "grid_update",
     "moved_points",
     "near_neighbours",

@@ -12,7 +12,7 @@ from cartoloop.local_slam.moving_gain import (
     ALL_BY_REST,
     FARTHEST_M,
     SPACING_M,
-    are_comparable,
+    SeenScan,
     explained,
     have_changed,
 )
@@ -50,14 +50,14 @@ def with_people(scan, rng, share):
 
 
 def moving_gain(before, now):
-    shares = explained(before, now, NO_NOISE, (0.0, 0.0))
+    shares = explained(SeenScan(before), SeenScan(now), NO_NOISE, (0.0, 0.0))
     return shares.by_motion - shares.by_rest
 
 
 def reference(before, now, velocity):
     """The shares, beam by beam."""
     geometry, shares = before.geometry, []
-    is_before, is_now = are_comparable(before), are_comparable(now)
+    is_before, is_now = SeenScan(before).is_comparable, SeenScan(now).is_comparable
     steps = [k * SPACING_M for k in range(1, round(FARTHEST_M / SPACING_M) + 1)]
     seconds = now.time - before.time
     motions = [(0.0, 0.0), (velocity[0] * seconds, velocity[1] * seconds)]
@@ -117,7 +117,7 @@ def test_people_and_beams_without_a_return_are_not_compared(scans):
     ranges[50:60], ranges[90] = 1.5, np.inf
     expected = np.ones(len(ranges), dtype=np.bool_)
     expected[50:60] = expected[90] = False
-    assert are_comparable(replace(scans[0], ranges=ranges)).tolist() == expected.tolist()
+    assert SeenScan(replace(scans[0], ranges=ranges)).is_comparable.tolist() == expected.tolist()
 
 
 def test_the_expected_motion_explains_what_a_driving_robot_sees(drive, scans):
@@ -125,7 +125,9 @@ def test_the_expected_motion_explains_what_a_driving_robot_sees(drive, scans):
     for before, now, step in zip(scans, scans[5:], steps_of(drive, 5), strict=False):
         if np.hypot(step.x, step.y) > 0.5 and abs(step.theta) < 0.02:
             seconds = now.time - before.time
-            shares = explained(before, now, NO_NOISE, (step.x / seconds, step.y / seconds))
+            shares = explained(
+                SeenScan(before), SeenScan(now), NO_NOISE, (step.x / seconds, step.y / seconds)
+            )
             better.append(shares.by_expected > shares.by_rest)
     assert len(better) > 10
     assert np.mean(better) > 0.95
@@ -135,13 +137,13 @@ def test_shares_are_those_of_single_beams(scans):
     rng = np.random.default_rng(2)
     for row in (10, 60, 110):
         before, now = with_people(scans[row], rng, 0.1), scans[row + 2]
-        shares = explained(before, now, NO_NOISE, (0.4, -0.1))
+        shares = explained(SeenScan(before), SeenScan(now), NO_NOISE, (0.4, -0.1))
         assert shares == pytest.approx(reference(before, now, (0.4, -0.1)), abs=0.01)
 
 
 def test_scans_without_returns_show_no_motion(scans):
     blind = replace(scans[0], ranges=np.full_like(scans[0].ranges, np.inf))
-    assert explained(scans[1], blind, NO_NOISE, (0.0, 0.0)) == ALL_BY_REST
+    assert explained(SeenScan(scans[1]), SeenScan(blind), NO_NOISE, (0.0, 0.0)) == ALL_BY_REST
     assert moving_gain(blind, scans[1]) == 0.0
 
 
@@ -158,6 +160,7 @@ def test_the_expected_motion_is_that_of_the_robot(drive, scans):
     ]
     seconds = turned[1].time - turned[0].time
     step = steps_of(drive, 5)[row]
-    aside = explained(*turned, NO_NOISE, (0.0, step.x / seconds))
-    ahead = explained(scans[row], scans[row + 5], NO_NOISE, (step.x / seconds, 0.0))
+    aside = explained(*map(SeenScan, turned), NO_NOISE, (0.0, step.x / seconds))
+    pair = SeenScan(scans[row]), SeenScan(scans[row + 5])
+    ahead = explained(*pair, NO_NOISE, (step.x / seconds, 0.0))
     assert aside.by_expected == pytest.approx(ahead.by_expected, abs=1e-9)

@@ -8,6 +8,8 @@ free, which may be people, are not compared.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,21 @@ FARTHEST_M, SPACING_M = 1.0, 0.1
 
 MIN_SEEN = 0.5
 """Least share of the returns that must be in the view of the other scan."""
+
+
+@dataclass(frozen=True)
+class SeenScan:
+    """A scan that others are compared with, and which of its ranges are comparable."""
+
+    scan: LaserScan
+
+    @cached_property
+    def is_comparable(self) -> BoolArray:
+        """Which ranges are returns, and not of narrow objects that stand free, shape (n,)."""
+        scan = self.scan
+        is_return: BoolArray = (scan.ranges > 0.0) & (scan.ranges < scan.geometry.range_max)
+        is_return[is_return] = ~are_free_standing(_points(scan, is_return))
+        return is_return
 
 
 def have_changed(before: FloatArray, now: FloatArray, noise: Noise) -> BoolArray:
@@ -64,7 +81,7 @@ ALL_BY_REST = Explained(1.0, 0.0, 1.0)
 
 
 def explained(
-    before: LaserScan, now: LaserScan, noise: Noise, velocity: tuple[float, float]
+    seen_before: SeenScan, seen_now: SeenScan, noise: Noise, velocity: tuple[float, float]
 ) -> Explained:
     """Return how much of a scan fits an earlier one: without a motion, and after motions.
 
@@ -73,7 +90,7 @@ def explained(
     noise : of the scanner.
     velocity : that is expected of the robot, along x and y of the tracking frame [m/s].
     """
-    is_return = are_comparable(now)
+    before, now, is_return = seen_before.scan, seen_now.scan, seen_now.is_comparable
     count = int(np.count_nonzero(is_return))
     if count == 0 or before.geometry.angle_increment == 0.0:
         return ALL_BY_REST
@@ -81,7 +98,7 @@ def explained(
     moved = _points(now, is_return) + motions[:, np.newaxis]
     beam = _beams(before, np.arctan2(moved[..., 1], moved[..., 0]))
     rows = np.clip(beam, 0, len(before.ranges) - 1)
-    is_seen = (beam == rows) & are_comparable(before)[rows]
+    is_seen = (beam == rows) & seen_before.is_comparable[rows]
     fits = is_seen & ~have_changed(before.ranges[rows], np.hypot(*np.moveaxis(moved, 2, 0)), noise)
     num_seen = np.maximum(is_seen.sum(axis=1), MIN_SEEN * count)
     by_rest = float(fits[0].sum() / num_seen[0])
@@ -102,13 +119,6 @@ def _motions(scan: LaserScan, seconds: float, velocity: tuple[float, float]) -> 
     x, y = velocity[0] * seconds, velocity[1] * seconds
     expected = (cos * x + sin * y, cos * y - sin * x)
     return np.concatenate((((0.0, 0.0), expected), along, across))
-
-
-def are_comparable(scan: LaserScan) -> BoolArray:
-    """Return which ranges are returns, and not of narrow objects that stand free, shape (n,)."""
-    is_return: BoolArray = (scan.ranges > 0.0) & (scan.ranges < scan.geometry.range_max)
-    is_return[is_return] = ~are_free_standing(_points(scan, is_return))
-    return is_return
 
 
 def _points(scan: LaserScan, chosen: BoolArray) -> FloatArray:

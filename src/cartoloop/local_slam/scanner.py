@@ -17,7 +17,7 @@ from cartoloop.local_slam.motion_filter import MotionFilter
 from cartoloop.local_slam.moving_gain import (
     ALL_BY_REST,
     Explained,
-    are_comparable,
+    SeenScan,
     explained,
     have_changed,
 )
@@ -53,7 +53,7 @@ class Scanner:
     num_scans: int = 0
     is_in_map: bool = False
     noise: Noise = NO_NOISE
-    recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
+    recent: deque[SeenScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
 
     def change_since(self, time: float) -> float:
         """Return the median change of the ranges since a time [m]; inf if it is not known."""
@@ -79,12 +79,12 @@ class Scanner:
             return ALL_BY_REST
         return explained(first, self.recent[-1], self.noise, velocity)
 
-    def _first_since(self, time: float) -> LaserScan | None:
+    def _first_since(self, time: float) -> SeenScan | None:
         """Return the first scan since a time, None if it is the last one or has other beams."""
-        first = next((scan for scan in self.recent if scan.time >= time), None)
+        first = next((seen for seen in self.recent if seen.scan.time >= time), None)
         if first is None or first is self.recent[-1]:
             return None
-        return first if len(first.ranges) == len(self.recent[-1].ranges) else None
+        return first if len(first.scan.ranges) == len(self.recent[-1].scan.ranges) else None
 
     def _ranges_since(self, time: float) -> FloatArray:
         """Return ranges of the same beams in the first scan since a time and now, shape (2, n)."""
@@ -92,8 +92,8 @@ class Scanner:
         if first is None:
             return np.empty((2, 0))
         last = self.recent[-1]
-        is_both = are_comparable(first) & are_comparable(last)
-        return np.stack((first.ranges[is_both], last.ranges[is_both]))
+        is_both = first.is_comparable & last.is_comparable
+        return np.stack((first.scan.ranges[is_both], last.scan.ranges[is_both]))
 
     @classmethod
     def of(cls, config: LocalSlamConfig) -> Self:
@@ -106,4 +106,4 @@ class Scanner:
         """Count a scan, and keep it for comparisons."""
         self.num_scans += 1
         if isinstance(scan, LaserScan):
-            self.recent.append(scan)
+            self.recent.append(SeenScan(scan))
