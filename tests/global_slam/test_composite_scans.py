@@ -8,6 +8,7 @@ import pytest
 
 from cartoloop.config import AdaptiveVoxelFilterConfig, WideSearchConfig
 from cartoloop.global_slam.composite_scans import CompositeScans
+from cartoloop.global_slam.submap_paths import LOST_M
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 from cartoloop.sensor.scan_points import ScanPoints
 
@@ -69,6 +70,16 @@ def test_sparse_scans_of_another_session_are_left_out():
         scans.add_node(Pose(1.0 * node, 0.0, 0.0), points)
     assert scans.nodes.tolist() == [4, 10]
     assert [len(scans.points[number]) // len(WALL) for number in range(2)] == [5, 5]
+
+
+def test_scans_before_a_gap_are_left_out():
+    scans = CompositeScans(WideSearchConfig(adaptive_voxel_filter=UNFILTERED))
+    points = ScanPoints.of([WALL] * 14)
+    for node in range(14):
+        scans.add_node(Pose(1.0 * node, 0.0, 0.0), points, was_lost=node == 6)
+    assert scans.nodes.tolist() == [4, 10]
+    assert [len(scans.points[number]) // len(WALL) for number in range(2)] == [5, 5]
+    assert scans.travelled[1] - scans.travelled[0] == pytest.approx(LOST_M + 5.0)
 
 
 def test_a_robot_at_rest_makes_none():

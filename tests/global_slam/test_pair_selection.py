@@ -15,6 +15,7 @@ from cartoloop.config import ConstraintSearchConfig, WideSearchConfig
 from cartoloop.global_slam.pair_selection import PairSelection, SubmapPaths, WhyNot
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.global_slam.search_windows import path_length_of, windows
+from cartoloop.global_slam.submap_paths import LOST_M
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.node import Node
 
@@ -159,7 +160,8 @@ def place(node):
 class Walk:
     """Two rounds; each node is in one submap, which is begun where its first node stands."""
 
-    def __init__(self, num_nodes=2 * ROUND, num_points=3, **changes):
+    def __init__(self, num_nodes=2 * ROUND, num_points=3, lost_at=-1, **changes):
+        self.lost_at = lost_at
         self.graph = PoseGraph()
         self.pairs = PairSelection(WALK_CONFIG.model_copy(update=changes))
         self.go_on(num_nodes, num_points)
@@ -173,14 +175,20 @@ class Walk:
             self.graph.add_node(place(k))
             submaps = (SimpleNamespace(index=index),)
             points = np.zeros((num_points, 2))
-            self.pairs.add_node(Node(k, 0.1 * k, place(k), points, submaps, np.eye(3), None))
+            known = np.diag((4.0, 4.0, 1.0)) if k == self.lost_at else 1e4 * np.eye(3)
+            self.pairs.add_node(Node(k, 0.1 * k, place(k), points, submaps, known, None))
 
-    def close(self, *closures):
+    def close(self, *closures, are_trusted=False):
         """Note loop closures, pairs of submap and node, that hold."""
         submaps, nodes = np.array(closures).T
         count = len(closures)
         first = self.graph.add_constraints(
-            ConstraintKind.LOOP_CLOSURE, submaps, nodes, np.zeros((count, 3)), [np.eye(3)] * count
+            ConstraintKind.LOOP_CLOSURE,
+            submaps,
+            nodes,
+            np.zeros((count, 3)),
+            [np.eye(3)] * count,
+            is_trusted=are_trusted,
         )
         self.pairs.note_adjusted(self.graph, np.arange(first, first + count))
 
@@ -206,6 +214,24 @@ def test_scans_with_few_points_are_not_searched():
 
 def test_without_closures_the_window_is_for_the_whole_path():
     assert Walk().window(submap=0, node=41) == pytest.approx(1.0 + 41.0)
+
+
+def test_a_gap_in_which_the_robot_was_lost_is_a_long_path():
+    walk = Walk(lost_at=20)
+    assert walk.pairs.path_length(walk.graph, 1, 19) == pytest.approx(9.0)
+    assert walk.pairs.path_length(walk.graph, 1, 30) == pytest.approx(LOST_M + 20.0)
+    assert walk.pairs.verdict(walk.graph, 1, 30).path_length == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("are_trusted", [False, True])
+def test_only_closures_that_are_trusted_end_such_a_path(are_trusted):
+    walk = Walk(lost_at=20)
+    walk.close((0, 42), are_trusted=are_trusted)
+    length = walk.pairs.path_length(walk.graph, 0, 41)
+    assert length == pytest.approx(CLOSURE_LENGTH_M + 3.0 if are_trusted else LOST_M + 41.0)
+    # One between submaps on one side of the gap is no such closure.
+    walk.close((2, 62), are_trusted=are_trusted)
+    assert walk.pairs.path_length(walk.graph, 2, 61) == pytest.approx(CLOSURE_LENGTH_M + 3.0)
 
 
 def test_a_closure_of_the_own_submap_shortens_the_path():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import ConstraintSearchConfig, WideSearchConfig
-from cartoloop.global_slam.submap_paths import SubmapPaths
+from cartoloop.global_slam.submap_paths import LOST_M, SubmapPaths
 from cartoloop.global_slam.wide_windows import wide_reach
 from cartoloop.kernels.due_pairs import NodePlace
 from cartoloop.sensor.pose import compose_all, relative_all
@@ -38,9 +38,10 @@ def chain(moves):
     return poses
 
 
-def reach(poses, closures=NO_CLOSURES, boxes=(BOX,), **changes):
+def reach(poses, closures=NO_CLOSURES, boxes=(BOX,), lost_before=NUM_SUBMAPS, **changes):
     config = CONFIG.model_copy(update={"wide_search": WIDE.model_copy(update=changes)})
     travelled = STEP * np.arange(NUM_SUBMAPS)
+    travelled[lost_before:] += LOST_M
     last = NUM_SUBMAPS - 1
     place = NodePlace(0, *poses[last].tolist(), float(travelled[last]), last, last, last, 0.0)
     ends = np.array(closures).reshape(-1, 2)
@@ -89,6 +90,15 @@ def test_submaps_out_of_reach_are_not_searched():
     assert reach(chain(steps())).due.tolist() == [0]
     far = (200.0, 200.0, 230.0, 230.0)
     assert len(reach(chain(steps()), boxes=(far,)).due) == 0
+
+
+def test_a_robot_that_was_lost_is_searched_at_any_heading_in_whole_submaps():
+    box = (-4.0, -6.0, 20.0, 12.0)
+    found = reach(chain(steps()), boxes=(box,), lost_before=NUM_SUBMAPS - 1)
+    assert found.due.tolist() == [0]
+    assert found.angular_window[0] == pytest.approx(math.pi)
+    assert found.tf_submap_node[0, :2] == pytest.approx((8.0, 3.0))
+    assert found.linear_window[0] == pytest.approx(12.0)
 
 
 def test_the_likeliest_submaps_are_searched_if_there_are_many():

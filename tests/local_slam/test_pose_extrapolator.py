@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.gap import MAX_ERROR_M, ODOMETRY_ERROR_SHARE
+from cartoloop.local_slam.gap import (
+    ANY_HEADING_RAD,
+    MAX_ERROR_M,
+    ODOMETRY_ERROR_SHARE,
+    VELOCITY_ERROR,
+)
 from cartoloop.local_slam.moving_gain import Explained
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
@@ -574,6 +579,9 @@ def test_without_odometry_a_gap_is_as_uncertain_as_it_is_long(extrapolator):
         assert prediction.gap.poses == (prediction.tf_local_tracking,)
         errors.append(prediction.gap.linear_error)
     assert errors[0] < errors[1] < errors[2] == MAX_ERROR_M
+    # Where scans fit nowhere, it may be as far as it has been without a limit, at any heading.
+    assert prediction.gap.lost_linear_error == pytest.approx(60.0 * VELOCITY_ERROR)
+    assert prediction.gap.lost_angular_error == pytest.approx(ANY_HEADING_RAD)
 
 
 def test_after_a_gap_odometry_errs_by_a_share_of_the_distance(extrapolator):
@@ -583,3 +591,4 @@ def test_after_a_gap_odometry_errs_by_a_share_of_the_distance(extrapolator):
     extrapolator.add_odometry(6.0, Pose(1.9 + 4.0, 0.0, 0.0))
     gap = extrapolator.predict(6.0).gap
     assert gap.linear_error == pytest.approx(ODOMETRY_ERROR_SHARE * 4.0)
+    assert (gap.lost_linear_error, gap.lost_angular_error) == (gap.linear_error, gap.angular_error)

@@ -318,7 +318,7 @@ def test_after_a_gap_odometry_may_be_wrong_by_far(submap, by, seen):
     new = np.random.default_rng(1).uniform(4.5, 9.0, (round((1.0 / seen - 1.0) * len(scan)), 2))
     scan = np.concatenate((scan, transform_points(inverse(TRUTH), new)))
     certain = isotropic_information(0.01, 0.02)
-    for gap in (Gap((off(*by),), 0.7, 0.1, 0.1), None):
+    for gap in (Gap((off(*by),), 0.7, 0.1, 0.1, 0.7, 0.1), None):
         matcher = ScanMatcher(CONFIG)
         for _ in range(30):
             matched(submap, TRUTH, matcher=matcher)
@@ -337,7 +337,7 @@ def test_a_robot_that_turned_may_have_turned_on_in_a_gap(submap, turn_error):
     for _ in range(30):
         matched(submap, TRUTH, matcher=matcher)
     predicted, certain = off(0.05, 0.05, 1.4), isotropic_information(0.01, 0.02)
-    gap = Gap((predicted,), 0.3, 0.1, turn_error)
+    gap = Gap((predicted,), 0.3, 0.1, turn_error, 0.3, 0.1)
     prior = Prediction(predicted, True, certain, lambda: (predicted, predicted), gap=gap)
     found = matcher.match(submap, points(), prior).tf_local_tracking
     assert (abs(wrap_angle(found.theta - TRUTH.theta)) < 0.02) == (turn_error > 0.5)
@@ -353,7 +353,7 @@ def test_what_buffered_odometry_may_mean_is_searched(submap):
         True,
         certain,
         lambda: (predicted, predicted),
-        gap=Gap((predicted, off(4.0, 1.0, 0.5), off(0.05, 0.02, -0.1)), 0.3, 0.1, 0.1),
+        gap=Gap((predicted, off(4.0, 1.0, 0.5), off(0.05, 0.02, -0.1)), 0.3, 0.1, 0.1, 0.3, 0.1),
     )
     assert_near(matcher.match(submap, points(), prior).tf_local_tracking, TRUTH)
 
@@ -369,7 +369,7 @@ def test_after_a_gap_scans_of_new_places_stay_with_odometry(submap):
         True,
         certain,
         lambda: (start, start),
-        gap=Gap((predicted, off(8.0, 5.0, 0.0)), 1.0, 0.1, 0.1),
+        gap=Gap((predicted, off(8.0, 5.0, 0.0)), 1.0, 0.1, 0.1, 1.0, 0.1),
     )
     assert_near(matcher.match(submap, points(), prior).tf_local_tracking, predicted)
 

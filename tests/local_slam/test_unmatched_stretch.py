@@ -84,7 +84,7 @@ def test_odometry_without_any_error_is_not_certain():
 
 def test_a_misfit_after_a_gap_has_the_errors_of_the_gap():
     stretch, matched = driven(1.0), 1e4 * np.eye(3)
-    stretch.add_gap(Gap((Pose(1.0, 0.0, 0.0),), 0.5, 0.1, 0.1))
+    stretch.add_gap(Gap((Pose(1.0, 0.0, 0.0),), 0.3, 0.05, 0.2, 0.5, 0.1))
     stretch.clear()
     np.testing.assert_allclose(stretch.end(KNOWN, matched), np.diag((4.0, 4.0, 100.0)))
     assert stretch.end(KNOWN, matched) is None

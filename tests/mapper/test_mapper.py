@@ -10,12 +10,14 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from cartoloop import Config, Imu, Mapper, Odometry, Pose
+from cartoloop import Config, Imu, Mapper, Odometry, Pose, load_map
 from cartoloop.evaluation.trajectories import absolute_trajectory_error
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_status import Status
+from cartoloop.global_slam.submap_paths import LOST_M
+from cartoloop.map_output.save import save
 from cartoloop.sensor.events import LaserScan
-from cartoloop.simulation import office, simulate
+from cartoloop.simulation import Difficulties, office, ring, simulate
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +94,29 @@ def test_an_office_is_mapped_without_odometry():
 
     assert result.report.input.path_length_m > 30.0
     assert absolute_trajectory_error(result.trajectory, recording.true_poses).max() < 0.15
+
+
+@pytest.fixture(scope="module")
+def paused():
+    """A drive round a ring, without odometry, in which 8 s with a turn are missing; and its map."""
+    drive = simulate(ring(), seed=1, duration=200.0, difficulties=Difficulties(pause=8.0))
+    return drive, map_events(drive.events(with_odometry=False))
+
+
+@pytest.mark.slow
+def test_a_robot_that_was_lost_is_found_where_it_comes_back(paused):
+    drive, result = paused
+    local = absolute_trajectory_error(result.local_trajectory, drive.true_poses)
+    assert local.max() > 3.0
+    assert absolute_trajectory_error(result.trajectory, drive.true_poses).mean() < 0.1
+
+
+@pytest.mark.slow
+def test_a_map_that_is_continued_remembers_where_a_robot_was_lost(paused, tmp_path):
+    save(paused[1], tmp_path)
+    mapper = Mapper(onto=load_map(tmp_path))
+    lost = mapper._global_slam._pairs._submap_lost.view
+    assert (lost[0], lost[-1]) == (0.0, LOST_M)
 
 
 def test_events_that_cannot_be_used_are_skipped_and_counted(recording):

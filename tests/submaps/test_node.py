@@ -9,6 +9,7 @@ from cartoloop.submaps.node import (
     BEGINNING_INFORMATION,
     MIN_ROTATION_INFORMATION,
     information_in_begun,
+    is_lost,
     shows_place,
 )
 
@@ -25,3 +26,12 @@ def test_a_submap_is_where_the_node_is_that_begins_it():
     np.testing.assert_array_equal(
         information_in_begun(after_a_blind_stretch), BEGINNING_INFORMATION
     )
+
+
+def test_a_robot_is_lost_where_nothing_measured_its_motion():
+    after_a_gap = np.diag((0.04, 0.04, 0.3))
+    by_odometry, blind = np.diag((0.5, 0.5, 100.0)), np.zeros((3, 3))
+    matched = np.array(((0.04, 0.01, 0.0), (0.01, 0.04, 0.0), (0.0, 0.0, 0.3)))
+    found = is_lost(np.array((after_a_gap, by_odometry, blind, matched)))
+    assert found.tolist() == [True, False, False, False]
+    assert is_lost(after_a_gap)

@@ -13,7 +13,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import WideSearchConfig
-from cartoloop.global_slam.submap_paths import UNCONNECTED_M
+from cartoloop.global_slam.submap_paths import LOST_M, UNCONNECTED_M
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.moved_points import moved_points
 from cartoloop.sensor.pose import Pose, relative
@@ -67,20 +67,23 @@ class CompositeScans:
         """Note that the next node is the first of another session: no scan has nodes of both."""
         self._begins_session = True
 
-    def add_node(self, tf_local_node: Pose, node_points: ScanPoints) -> int | None:
+    def add_node(
+        self, tf_local_node: Pose, node_points: ScanPoints, *, was_lost: bool = False
+    ) -> int | None:
         """Note the next node; return the number of the composite scan that it completes, if any.
 
         Parameters
         ----------
         node_points : the returns of all nodes, this one included.
+        was_lost : whether nothing says how far it is from the node before.
         """
         poses, travelled = self._tf_local_node, self._travelled
         length = 0.0
         if len(poses):
             x, y, _ = poses.view[-1].tolist()
-            step = math.dist((x, y), tf_local_node[:2])
+            step = LOST_M if was_lost else math.dist((x, y), tf_local_node[:2])
             length = float(travelled.view[-1]) + (UNCONNECTED_M if self._begins_session else step)
-        if self._begins_session:
+        if self._begins_session or was_lost:
             self._since, self._begins_session = length, False
         poses.append(tf_local_node)
         travelled.append(length)

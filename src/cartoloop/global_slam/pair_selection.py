@@ -30,7 +30,7 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.search_windows import windows
-from cartoloop.global_slam.submap_paths import UNCONNECTED_M, SubmapPaths
+from cartoloop.global_slam.submap_paths import LOST_M, UNCONNECTED_M, SubmapPaths
 from cartoloop.global_slam.wide_windows import bounding_boxes, wide_reach
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.due_pairs import (
@@ -41,7 +41,7 @@ from cartoloop.kernels.due_pairs import (
     pairs_of_node,
     pairs_of_submap,
 )
-from cartoloop.submaps.node import Node
+from cartoloop.submaps.node import Node, is_lost
 from cartoloop.submaps.submap import SPARSE_STEP_M
 
 _NOTHING: FloatArray = np.empty(0)
@@ -97,7 +97,11 @@ class PairSelection:
         self._closures = np.empty((2, 0), dtype=np.int64)
         self._num_found: Counter[tuple[int, int]] = Counter()
         self._num_searches: Counter[tuple[int, int]] = Counter()
-        self._submap_paths = SubmapPaths(config)
+        self._submap_paths = self._wide_paths = SubmapPaths(config)
+        # Wide searches take gaps in which the robot was lost for long paths; the others go on as if
+        # the match after such a gap were right.
+        self._submap_lost = GrowingArray((), np.float64)
+        self._num_lost = 0
         self._boxes: FloatArray = np.empty((0, 4))
 
     def begin_session(self) -> None:
@@ -110,9 +114,17 @@ class PairSelection:
             node.tf_local_tracking[:2],
             len(node.points),
             (node.submaps[0].index, node.submaps[-1].index),
+            was_lost=bool(is_lost(node.information)),
         )
 
-    def add(self, position: tuple[float, ...], num_points: int, submaps: tuple[int, int]) -> None:
+    def add(
+        self,
+        position: tuple[float, ...],
+        num_points: int,
+        submaps: tuple[int, int],
+        *,
+        was_lost: bool = False,
+    ) -> None:
         """Note a node.
 
         Parameters
@@ -120,10 +132,12 @@ class PairSelection:
         position : of the robot, local frame [m].
         num_points : number of its returns.
         submaps : the first and the last that it was inserted into.
+        was_lost : whether nothing says how far it is from the node before.
         """
         step = math.dist(position, self._last_position)
         if step > SPARSE_STEP_M:
             step *= self._config.sparse_drift
+        self._num_lost += was_lost
         if self._begins_session:
             step, self._begins_session = UNCONNECTED_M, False
         travelled = self._travelled.view[-1] + step if len(self._travelled) else 0.0
@@ -133,6 +147,7 @@ class PairSelection:
         self._node_submaps.append(submaps)
         while submaps[1] >= len(self._submap_travelled):
             self._submap_travelled.append(travelled)
+            self._submap_lost.append(LOST_M * self._num_lost)
 
     def note_found(self, submaps: NDArray[np.integer], nodes: NDArray[np.integer]) -> None:
         """Note loop closures that searches found."""
@@ -156,7 +171,14 @@ class PairSelection:
         own, begun = self._node_submaps.view[nodes, 0], self._submap_travelled.view
         inside = self._travelled.view[nodes] - begun[own]
         ends = np.column_stack((submaps, own))
-        self._submap_paths = SubmapPaths(self._config, begun, ends, inside)
+        self._submap_paths = self._wide_paths = SubmapPaths(self._config, begun, ends, inside)
+        if self._num_lost:
+            # Single closures across such a gap prove nothing: they were found where the match is.
+            lost = self._submap_lost.view
+            is_proof = (lost[own] == lost[submaps]) | graph.is_trusted[closures]
+            self._wide_paths = SubmapPaths(
+                self._config, self._wide_travelled, ends[is_proof], inside[is_proof]
+            )
         order = np.argsort(nodes, kind="stable")
         self._closures = np.array((nodes[order], submaps[order]))
 
@@ -223,19 +245,16 @@ class PairSelection:
         place = self._place(graph, node)
         x, y, _ = graph.submap_poses[submap].tolist()
         distance = math.dist((place.x, place.y), (x, y))
-        length = self._path_length(submap, place)
+        length = _path_length(submap, place, self._submap_travelled.view, self._submap_paths)
         return PairVerdict(self._why_not(place, submap, distance, length), distance, length)
 
     def path_length(self, graph: PoseGraph, submap: int, node: int) -> float:
-        """Return the length of the shortest known path between submap and node [m]."""
-        return self._path_length(submap, self._place(graph, node))
+        """Return the length of the shortest known path between submap and node [m].
 
-    def _path_length(self, submap: int, place: NodePlace) -> float:
-        length = abs(place.travelled - float(self._submap_travelled.view[submap]))
-        known = self._submap_paths.lengths_from(place.anchor)
-        if submap < len(known):
-            length = min(length, float(known[submap]) + place.anchor_length)
-        return length
+        A gap in which the robot was lost is a long one.
+        """
+        place, begun = self._wide_place(graph, node), self._wide_travelled
+        return _path_length(submap, place, begun, self._wide_paths)
 
     def wide_pairs(
         self,
@@ -252,16 +271,16 @@ class PairSelection:
         submaps : all that are finished, the first ones of the graph.
         min_path_length : to the submaps [m]; None: that of wide searches.
         """
-        known = min(len(self._submap_paths), len(submaps))
+        known = min(len(self._wide_paths), len(submaps))
         if known == 0:
             return NO_REQUESTS
-        place = self._place(graph, node)
+        place = self._wide_place(graph, node)
         reach = wide_reach(
             self._config,
-            self._submap_paths,
+            self._wide_paths,
             place,
-            graph.submap_poses[: len(self._submap_paths)],
-            self._submap_travelled.view,
+            graph.submap_poses[: len(self._wide_paths)],
+            self._wide_travelled,
             self._boxes_of(submaps[:known]),
             min_path_length,
         )
@@ -319,6 +338,23 @@ class PairSelection:
         first, last = self._node_submaps.view[node].tolist()
         return NodePlace(node, x, y, theta, travelled, first, last, anchor, length)
 
+    @property
+    def _wide_travelled(self) -> FloatArray:
+        """Path length when each submap was begun, as wide searches take it, shape (m,) [m]."""
+        travelled: FloatArray = self._submap_travelled.view + self._submap_lost.view
+        return travelled
+
+    def _wide_place(self, graph: PoseGraph, node: int) -> NodePlace:
+        """Return a node's place as wide searches take it."""
+        place = self._place(graph, node)
+        if not self._num_lost:
+            return place
+        # A closure of a node before a gap says nothing about one after it.
+        own = place.last_submap
+        length = abs(place.travelled - float(self._submap_travelled.view[own]))
+        travelled = place.travelled + float(self._submap_lost.view[own])
+        return place._replace(travelled=travelled, anchor=own, anchor_length=length)
+
     def _requests(
         self, submaps: RowArray, nodes: RowArray, lengths: FloatArray, poses: FloatArray
     ) -> Requests:
@@ -362,3 +398,18 @@ class PairSelection:
 
 _NO_ROWS = np.zeros(0, np.int32)
 NO_REQUESTS = Requests(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros((0, 3)), _NOTHING, _NOTHING)
+
+
+def _path_length(submap: int, place: NodePlace, begun: FloatArray, paths: SubmapPaths) -> float:
+    """Return the length of the shortest known path between submap and node [m].
+
+    Parameters
+    ----------
+    begun : path length of the robot when each submap was begun, shape (m,) [m].
+    paths : between the submaps.
+    """
+    length = abs(place.travelled - float(begun[submap]))
+    known = paths.lengths_from(place.anchor)
+    if submap < len(known):
+        length = min(length, float(known[submap]) + place.anchor_length)
+    return length

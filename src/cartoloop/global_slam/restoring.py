@@ -18,6 +18,7 @@ from cartoloop.global_slam.wide_search import WideSearch
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.scan_points import NodePoints, ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
+from cartoloop.submaps.node import is_lost
 
 
 def restore_nodes(
@@ -41,15 +42,18 @@ def restore_nodes(
     for points in (points for each in mapped for points in each.node_points):
         node_points.append(points)
     all_points = node_points.view
+    inserted = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
+    were_lost = np.zeros(graph.num_nodes, dtype=np.bool_)
+    were_lost[graph.index_b[inserted[is_lost(graph.informations[inserted])]]] = True
     tf_local_node = np.concatenate([each.tf_local_node for each in mapped])
     for node, pose in enumerate(tf_local_node.tolist()):
         if node in begins:
             pairs.begin_session()
             wide.begin_session()
         own = (int(submaps.first[node]), int(submaps.last[node]))
-        pairs.add((pose[0], pose[1]), len(all_points[node]), own)
-        wide.restore_node(Pose(*pose), all_points)
-    inserted = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
+        was_lost = bool(were_lost[node])
+        pairs.add((pose[0], pose[1]), len(all_points[node]), own, was_lost=was_lost)
+        wide.restore_node(Pose(*pose), all_points, was_lost=was_lost)
     submap_nodes: list[set[int]] = [set() for _ in range(graph.num_submaps)]
     for submap, node in zip(
         graph.index_a[inserted].tolist(), graph.index_b[inserted].tolist(), strict=True

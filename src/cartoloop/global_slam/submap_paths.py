@@ -16,6 +16,10 @@ _NOTHING: FloatArray = np.empty(0)
 UNCONNECTED_M = 1e9
 """Path length from one session to the next [m]: the robot's path does not connect them."""
 
+LOST_M = 40_000.0
+"""The same across a gap in which the robot was lost [m]: so long that the drift allows any heading,
+and any place within some tens of metres."""
+
 FAR_M = 0.5 * UNCONNECTED_M
 """Longer paths lead from one session to another [m]."""
 
@@ -48,7 +52,7 @@ class SubmapPaths:
         if closures is None or inside is None or m == 0:
             return
         first, second = closures.min(axis=1), closures.max(axis=1)
-        is_apart = submap_travelled[second] - submap_travelled[first] > FAR_M
+        is_apart = submap_travelled[second] - submap_travelled[first] > 0.5 * LOST_M
         skips = np.flatnonzero((second - first > 1) | is_apart)
         numbers = (first * m + second)[skips]
         # Of each pair of submaps the closure with the shortest path.

@@ -39,7 +39,7 @@ from cartoloop.scan_matching.branch_and_bound import UNLIMITED, RunnerUp
 from cartoloop.scan_matching.least_squares import match_informations
 from cartoloop.sensor.pose import Pose, compose_all, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.submaps.node import Node
+from cartoloop.submaps.node import Node, is_lost
 
 MAX_EXPANDED = 30_000
 """Nodes of its tree that the search of a composite scan may expand. Dense recordings need fewer,
@@ -118,11 +118,14 @@ class WideSearch:
 
     def add_node(self, node: Node, node_points: ScanPoints) -> int | None:
         """Note the next node; return the number of the composite scan that it completes, if any."""
-        return self._scans.add_node(node.tf_local_tracking, node_points)
+        was_lost = bool(is_lost(node.information))
+        return self._scans.add_node(node.tf_local_tracking, node_points, was_lost=was_lost)
 
-    def restore_node(self, tf_local_node: Pose, node_points: ScanPoints) -> None:
+    def restore_node(
+        self, tf_local_node: Pose, node_points: ScanPoints, *, was_lost: bool = False
+    ) -> None:
         """Note a node of an earlier session."""
-        self._scans.add_node(tf_local_node, node_points)
+        self._scans.add_node(tf_local_node, node_points, was_lost=was_lost)
 
     def request(self, scan: int, pairs: PairSelection, graph: PoseGraph) -> None:
         """Request the search of a composite scan in the submaps where the drift may place it."""

@@ -93,8 +93,26 @@ def wide_reach(
     likely = np.hypot(centre[:, 0], centre[:, 1]) / linear
     nearest = in_reach[np.argsort(likely[in_reach], kind="stable")]
     chosen = np.sort(nearest[: wide.max_submaps])
-    return Reach(
-        far[chosen], expected[chosen], linear[chosen], np.minimum(angular[chosen], math.pi)
+    return _within_boxes(
+        Reach(far[chosen], expected[chosen], linear[chosen], np.minimum(angular[chosen], math.pi)),
+        low[chosen],
+        high[chosen],
+    )
+
+
+def _within_boxes(reach: Reach, low: FloatArray, high: FloatArray) -> Reach:
+    """Return windows of nodes at any heading that are no larger than the submaps themselves.
+
+    Parameters
+    ----------
+    low, high : shape (k, 2), corners of the submaps' boxes.
+    """
+    half = 0.5 * (high - low).max(axis=1, initial=0.0)
+    is_whole = (reach.angular_window >= math.pi) & (reach.linear_window > half)
+    expected = reach.tf_submap_node.copy()
+    expected[is_whole, :2] = 0.5 * (low + high)[is_whole]
+    return reach._replace(
+        tf_submap_node=expected, linear_window=np.where(is_whole, half, reach.linear_window)
     )
 
 

@@ -30,8 +30,9 @@ TURN_SHARE, MAX_TURN_RAD = 0.2, math.pi
 have made in the gap, and the largest such turn [rad]. It may have gone on or stopped, and what the
 odometry reports right after a gap may be of before its end."""
 
-TURN_RATE = 1.5
-"""Rate at which a robot may turn whose motion nothing measures [rad/s]."""
+TURN_RATE, ANY_HEADING_RAD = 1.5, math.pi / math.sqrt(3.0)
+"""Rate at which a robot may turn whose motion nothing measures [rad/s], and the standard deviation
+of a heading of which nothing is known [rad]."""
 
 
 class Gap(NamedTuple):
@@ -42,12 +43,16 @@ class Gap(NamedTuple):
     poses : the predicted one first, then what else buffered odometry may mean.
     linear_error, angular_error : of the predicted pose [m], [rad].
     turn_error : error of the heading for the search, as the robot may have turned on [rad].
+    lost_linear_error, lost_angular_error : of the pose if the scan after the gap fits nowhere, so
+        that it may have gone farther than was searched [m], [rad].
     """
 
     poses: tuple[Pose, ...]
     linear_error: float
     angular_error: float
     turn_error: float
+    lost_linear_error: float
+    lost_angular_error: float
 
 
 def is_gap(duration: float, scan_times: Sequence[float]) -> bool:
@@ -71,14 +76,25 @@ def gap_by_odometry(poses: tuple[Pose, ...], moved: float, turn: float) -> Gap:
     turn : of a robot that turns in the gap as it did before [rad].
     """
     error = min(max(ODOMETRY_ERROR_SHARE * moved, LEAST_ERROR_M), MAX_ERROR_M)
-    return Gap(poses, error, ODOMETRY_ERROR_RAD, max(ODOMETRY_ERROR_RAD, _turn_error(turn)))
+    turn_error = max(ODOMETRY_ERROR_RAD, _turn_error(turn))
+    return Gap(poses, error, ODOMETRY_ERROR_RAD, turn_error, error, ODOMETRY_ERROR_RAD)
 
 
-def gap_without_odometry(poses: tuple[Pose, ...], duration: float, turn: float) -> Gap:
-    """Return a gap of some duration [s] in which nothing measured the motion."""
+def gap_without_odometry(
+    poses: tuple[Pose, ...], duration: float, speed: float, turn: float
+) -> Gap:
+    """Return a gap of some duration [s] in which nothing measured the motion.
+
+    Parameters
+    ----------
+    speed : of the robot when it began [m/s].
+    turn : of a robot that turns in the gap as it did before [rad].
+    """
     error = min(VELOCITY_ERROR * duration, MAX_ERROR_M)
     turn = max(abs(turn), TURN_RATE * duration)
-    return Gap(poses, error, VELOCITY_ERROR_RAD, max(VELOCITY_ERROR_RAD, _turn_error(turn)))
+    turn_error = max(VELOCITY_ERROR_RAD, _turn_error(turn))
+    lost_error = max(speed, VELOCITY_ERROR) * duration
+    return Gap(poses, error, VELOCITY_ERROR_RAD, turn_error, lost_error, min(turn, ANY_HEADING_RAD))
 
 
 def _turn_error(turn: float) -> float:

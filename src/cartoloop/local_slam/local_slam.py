@@ -213,6 +213,7 @@ class LocalSlam:
         self._unmatched.add(pose)
         if match is not None and prediction.gap and scanner.matcher.is_misfit(match.match):
             self._unmatched.add_gap(prediction.gap)
+            scanner.motion_filter.forget()
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             information = self._information(match)

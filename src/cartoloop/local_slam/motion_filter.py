@@ -17,6 +17,10 @@ class MotionFilter:
         self._last_time = -math.inf
         self._last_pose = Pose(math.inf, math.inf, 0.0)
 
+    def forget(self) -> None:
+        """Let the next scan pass: where it is does not follow from the last one."""
+        self._last_time = -math.inf
+
     def is_new(self, time: float, pose: Pose) -> bool:
         """Return whether the scan is to be inserted; if so, compare the next ones with it."""
         config = self._config

@@ -193,11 +193,12 @@ class PoseExtrapolator:
             return None
         steps = self.odometry.steps_over_gap(self._time, time)
         poses = (predicted, *(compose(last, step) for step in steps))
-        turn = duration * self._velocity.step(1.0).theta
+        x, y, rate = self._velocity.step(1.0)
+        turn = duration * rate
         if by_odometry:
             moved = math.hypot(predicted.x - last.x, predicted.y - last.y)
             return gap_by_odometry(poses, moved, turn)
-        return gap_without_odometry(poses, duration, turn)
+        return gap_without_odometry(poses, duration, math.hypot(x, y), turn)
 
     def _unsteady_step(self, time: float, expected: Pose) -> Pose | None:
         """Return a step as long as noisy odometry says, with the turn of constant velocity."""

@@ -69,7 +69,7 @@ class UnmatchedStretch:
         self.clear()
         self._gap = None
         if gap is not None:
-            linear, angular = gap.linear_error, gap.angular_error
+            linear, angular = gap.lost_linear_error, gap.lost_angular_error
             return np.diag((linear**-2.0, linear**-2.0, angular**-2.0))
         if not MIN_STRETCH_M <= length <= MAX_STRETCH_M:
             return None
