@@ -30,6 +30,13 @@ def test_odometry_may_have_stopped_within_its_last_step():
     assert rest.driven_until == pytest.approx(now - 0.2)
 
 
+def test_the_last_step_may_be_of_another_scanner():
+    rest, now = after_driving([0.4] * 5)
+    rest.move(now - 0.1, now + 0.1, Pose(0.04, 0.0, 0.0))
+    rest.begin(now, now + 0.2)
+    assert rest.driven_until == pytest.approx(now - 0.1)
+
+
 def test_steps_before_a_gap_do_not_reach_a_rest():
     rest, now = after_driving([0.4] * 5)
     rest.begin(now + 3.0, now + 3.2)

@@ -291,6 +291,24 @@ def test_the_next_scan_is_predicted_where_the_motion_leads(extrapolator):
     assert extrapolator.predict(6.2).tf_local_tracking == pytest.approx(Pose(1.55, 0.0, 0.0))
 
 
+def test_the_step_after_it_was_made_up_for_does_not_calibrate(extrapolator):
+    steps = []
+    add_pose = extrapolator.odometry.add_pose
+
+    def note(time, pose, num_faulty, scanner, *, is_matched):
+        steps.append((time, num_faulty))
+        add_pose(time, pose, num_faulty, scanner, is_matched=is_matched)
+
+    extrapolator.odometry.add_pose = note
+    extrapolator.make_up = lambda: None
+    drive_and_stop(extrapolator, held=0.0, better=0.05)
+    del extrapolator.make_up
+    missed = extrapolator.make_up()
+    extrapolator.add_odometry(6.2, Pose(1.05, 0.0, 0.0))  # it goes on
+    extrapolator.add_pose(6.2, missed.corrected(6.2, Pose(1.0, 0.0, 0.0)), evidence=SEEN)
+    assert steps[-1] == (6.2, 1)
+
+
 @pytest.mark.parametrize(
     ("held", "better", "turn"), [(0.9, 0.05, 0.0), (0.0, -0.05, 0.0), (0.0, 0.05, 0.05)]
 )
@@ -582,6 +600,15 @@ def test_without_odometry_a_gap_is_as_uncertain_as_it_is_long(extrapolator):
     # Where scans fit nowhere, it may be as far as it has been without a limit, at any heading.
     assert prediction.gap.lost_linear_error == pytest.approx(60.0 * VELOCITY_ERROR)
     assert prediction.gap.lost_angular_error == pytest.approx(ANY_HEADING_RAD)
+
+
+def test_a_robot_with_a_gyroscope_is_not_lost_in_a_gap(extrapolator):
+    for k in range(121):
+        extrapolator.add_imu(Imu(0.1 * k, 0.1 * k, (0.0, 0.0, 0.1), (0.0, 0.0, 9.81)))
+        if k <= 40:
+            extrapolator.add_pose(0.1 * k, Pose(0.05 * k, 0.0, 0.01 * k))
+    gap = extrapolator.predict(12.0).gap
+    assert (gap.lost_linear_error, gap.lost_angular_error) == (gap.linear_error, gap.angular_error)
 
 
 def test_after_a_gap_odometry_errs_by_a_share_of_the_distance(extrapolator):

@@ -16,6 +16,7 @@ from cartoloop.local_slam.unmatched_stretch import (
     UnmatchedStretch,
 )
 from cartoloop.sensor.pose import Pose
+from cartoloop.submaps.node import is_lost
 
 KNOWN = OdometryParameters(rotation_error=0.001, translation_error=0.002)
 
@@ -88,3 +89,10 @@ def test_a_misfit_after_a_gap_has_the_errors_of_the_gap():
     stretch.clear()
     np.testing.assert_allclose(stretch.end(KNOWN, matched), np.diag((4.0, 4.0, 100.0)))
     assert stretch.end(KNOWN, matched) is None
+
+
+def test_a_robot_with_odometry_is_never_lost():
+    poor = OdometryParameters(rotation_error=0.05, translation_error=0.002)
+    information = driven(60.0, step=0.02).end(poor, np.eye(3))
+    assert information is not None
+    assert not is_lost(0.7 * information)

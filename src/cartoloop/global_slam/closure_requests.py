@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from cartoloop.global_slam.closure_matches import Requests
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
@@ -53,7 +55,11 @@ class ClosureRequests:
     def of_node(self, node: int) -> None:
         """Request searches for a node in the finished submaps nearby."""
         with self._timer.measure("select pairs"):
-            self._submit(self._pairs.of_node(self._graph, node, len(self._finished)))
+            found = self._pairs.of_node(self._graph, node, len(self._finished))
+            if self._pairs.was_lost:
+                are_new = ~self._closures.has_rows(found.submap, found.node)
+                found = found.take(np.flatnonzero(are_new))
+            self._submit(found)
 
     def in_submap(self, submap: FinishedSubmap) -> None:
         """Request searches in a submap that has just been finished, for the nodes nearby."""

@@ -192,9 +192,14 @@ class GlobalSlam:
         if every == 0:
             return
         waits = self._waits_while_mapping
-        self._request.of_node(node.index)
         scan = self._wide.add_node(node, self.node_points)
-        self._request.wide(scan)
+        if self._pairs.was_lost:
+            # Both searches want pairs across the gap: the wide one comes first.
+            self._request.wide(scan)
+            self._request.of_node(node.index)
+        else:
+            self._request.of_node(node.index)
+            self._request.wide(scan)
         if scan is not None and self.joins.is_needed:
             self.joins.joining.request(scan, self.graph)
         if finished is not None:

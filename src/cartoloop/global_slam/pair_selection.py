@@ -104,6 +104,11 @@ class PairSelection:
         self._num_lost = 0
         self._boxes: FloatArray = np.empty((0, 4))
 
+    @property
+    def was_lost(self) -> bool:
+        """Whether the robot was lost in a gap of the recording."""
+        return self._num_lost > 0
+
     def begin_session(self) -> None:
         """Note that the next node is the first of another session: no path leads to it."""
         self._begins_session = True
@@ -114,7 +119,7 @@ class PairSelection:
             node.tf_local_tracking[:2],
             len(node.points),
             (node.submaps[0].index, node.submaps[-1].index),
-            was_lost=bool(is_lost(node.information)),
+            was_lost=is_lost(node.information),
         )
 
     def add(
@@ -174,7 +179,9 @@ class PairSelection:
         self._submap_paths = self._wide_paths = SubmapPaths(self._config, begun, ends, inside)
         if self._num_lost:
             # Single closures across such a gap prove nothing: they were found where the match is.
-            lost = self._submap_lost.view
+            lost, last = self._submap_lost.view, self._node_submaps.view[nodes, 1]
+            own = np.where(lost[own] == lost[last], own, last)  # first nodes after gaps are in both
+            ends, inside = np.column_stack((submaps, own)), self._travelled.view[nodes] - begun[own]
             is_proof = (lost[own] == lost[submaps]) | graph.is_trusted[closures]
             self._wide_paths = SubmapPaths(
                 self._config, self._wide_travelled, ends[is_proof], inside[is_proof]
@@ -347,13 +354,13 @@ class PairSelection:
     def _wide_place(self, graph: PoseGraph, node: int) -> NodePlace:
         """Return a node's place as wide searches take it."""
         place = self._place(graph, node)
-        if not self._num_lost:
+        lost, own = self._submap_lost.view, place.last_submap
+        place = place._replace(travelled=place.travelled + float(lost[own]))
+        if lost[place.anchor] == lost[own]:
             return place
         # A closure of a node before a gap says nothing about one after it.
-        own = place.last_submap
-        length = abs(place.travelled - float(self._submap_travelled.view[own]))
-        travelled = place.travelled + float(self._submap_lost.view[own])
-        return place._replace(travelled=travelled, anchor=own, anchor_length=length)
+        length = abs(place.travelled - float(self._wide_travelled[own]))
+        return place._replace(anchor=own, anchor_length=length)
 
     def _requests(
         self, submaps: RowArray, nodes: RowArray, lengths: FloatArray, poses: FloatArray

@@ -43,15 +43,14 @@ def restore_nodes(
         node_points.append(points)
     all_points = node_points.view
     inserted = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
-    were_lost = np.zeros(graph.num_nodes, dtype=np.bool_)
-    were_lost[graph.index_b[inserted[is_lost(graph.informations[inserted])]]] = True
+    lost = {int(graph.index_b[row]) for row in inserted if is_lost(graph.informations[row])}
     tf_local_node = np.concatenate([each.tf_local_node for each in mapped])
     for node, pose in enumerate(tf_local_node.tolist()):
         if node in begins:
             pairs.begin_session()
             wide.begin_session()
         own = (int(submaps.first[node]), int(submaps.last[node]))
-        was_lost = bool(were_lost[node])
+        was_lost = node in lost
         pairs.add((pose[0], pose[1]), len(all_points[node]), own, was_lost=was_lost)
         wide.restore_node(Pose(*pose), all_points, was_lost=was_lost)
     submap_nodes: list[set[int]] = [set() for _ in range(graph.num_submaps)]

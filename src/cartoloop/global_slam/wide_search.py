@@ -118,7 +118,7 @@ class WideSearch:
 
     def add_node(self, node: Node, node_points: ScanPoints) -> int | None:
         """Note the next node; return the number of the composite scan that it completes, if any."""
-        was_lost = bool(is_lost(node.information))
+        was_lost = is_lost(node.information)
         return self._scans.add_node(node.tf_local_tracking, node_points, was_lost=was_lost)
 
     def restore_node(

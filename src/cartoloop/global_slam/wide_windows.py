@@ -23,7 +23,8 @@ class Reach(NamedTuple):
     Attributes
     ----------
     due : int64, shape (k,), the submaps, ascending.
-    tf_submap_node : float64, shape (k, 3), where the graph expects the node.
+    tf_submap_node : float64, shape (k, 3), the windows' centres: where the graph expects the node;
+        the middle of the submap where it may be anywhere.
     linear_window, angular_window : shape (k,), what the drift allows around it [m], [rad].
     """
 

@@ -34,6 +34,9 @@ TURN_RATE, ANY_HEADING_RAD = 1.5, math.pi / math.sqrt(3.0)
 """Rate at which a robot may turn whose motion nothing measures [rad/s], and the standard deviation
 of a heading of which nothing is known [rad]."""
 
+MAX_LOST_ERROR_M = 100.0
+"""Largest error of the place of a robot that was lost [m], however long the recording paused."""
+
 
 class Gap(NamedTuple):
     """Where the robot may be after a gap.
@@ -81,20 +84,24 @@ def gap_by_odometry(poses: tuple[Pose, ...], moved: float, turn: float) -> Gap:
 
 
 def gap_without_odometry(
-    poses: tuple[Pose, ...], duration: float, speed: float, turn: float
+    poses: tuple[Pose, ...], duration: float, speed: float, turn: float, *, is_lost: bool
 ) -> Gap:
-    """Return a gap of some duration [s] in which nothing measured the motion.
+    """Return a gap of some duration [s] in which no trusted odometry measured the motion.
 
     Parameters
     ----------
     speed : of the robot when it began [m/s].
     turn : of a robot that turns in the gap as it did before [rad].
+    is_lost : whether nothing else measured it either, such as doubtful odometry or a gyroscope.
     """
     error = min(VELOCITY_ERROR * duration, MAX_ERROR_M)
     turn = max(abs(turn), TURN_RATE * duration)
     turn_error = max(VELOCITY_ERROR_RAD, _turn_error(turn))
-    lost_error = max(speed, VELOCITY_ERROR) * duration
-    return Gap(poses, error, VELOCITY_ERROR_RAD, turn_error, lost_error, min(turn, ANY_HEADING_RAD))
+    lost_error, lost_turn = error, VELOCITY_ERROR_RAD
+    if is_lost:
+        lost_error = min(max(speed, VELOCITY_ERROR) * duration, MAX_LOST_ERROR_M)
+        lost_turn = min(turn, ANY_HEADING_RAD)
+    return Gap(poses, error, VELOCITY_ERROR_RAD, turn_error, lost_error, lost_turn)
 
 
 def _turn_error(turn: float) -> float:

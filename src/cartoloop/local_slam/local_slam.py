@@ -183,12 +183,10 @@ class LocalSlam:
         """
         scanner, name = self._scanner_of(scan), scan.geometry.sensor
         time = scan.time + self._clocks.offset_of(name)
+        self._make_up()
         filtered = self._filter(scan, time)
         scanner.noise = filtered.data.noise
         with self._timer.measure("predict"):
-            if (missed := self.extrapolator.make_up()) is not None:
-                for each in self._scanners.values():
-                    each.wall_step.correct(missed)
             prediction = self.extrapolator.predict(time)
         has_points = len(filtered.points) >= self._config.insertion.min_num_points
         match, by_walls = None, False
@@ -233,6 +231,13 @@ class LocalSlam:
             scanner = self._scanners[name] = Scanner.of(self._config)
         scanner.count(scan)
         return scanner
+
+    def _make_up(self) -> None:
+        """Correct the latest poses where odometry that has stopped alone has held them."""
+        missed = self.extrapolator.make_up()
+        if missed is not None:
+            for scanner in self._scanners.values():
+                scanner.wall_step.correct(missed)
 
     def _filter(self, scan: LaserScan | PointCloud, time: float) -> FilteredScan:
         """Return a scan deskewed by the motion that the extrapolator expects."""

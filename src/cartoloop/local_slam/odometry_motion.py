@@ -253,7 +253,7 @@ class OdometryMotion:
     def missed_motion(self) -> tuple[float, tuple[float, float]] | None:
         """Return since when it has missed the robot's motion [s], and its velocity then [m/s].
 
-        Once for each time in which it rests; None if it does not.
+        Once for each time in which it rests; None if it does not, or scans have not shown it yet.
         """
         if not self._misses_motion or self._made_up_for == self._rest.since:
             return None

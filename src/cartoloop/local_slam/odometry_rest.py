@@ -134,8 +134,8 @@ class OdometryRest:
             y = math.fsum(step.y for _, _, step in self._steps)
             self.velocity_before = (x / seconds, y / seconds)
             before_begin, before_end, _ = self._steps[-1]
-            if before_end == begin:  # It may have stopped within the step before.
-                self.driven_until = before_begin
+            if before_end >= begin:  # It may have stopped within the step before.
+                self.driven_until = min(begin, before_begin)
         self._steps.clear()
 
     def mean_gain(self, gain: float) -> float:

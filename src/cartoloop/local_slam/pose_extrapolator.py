@@ -76,6 +76,7 @@ class PoseExtrapolator:
         self._recent: deque[tuple[float, Pose]] = deque(maxlen=MAX_RECENT)
         self._num_poses = 0
         self._is_determined = True
+        self._was_made_up_for = False
         self.num_overlong_sweeps = 0
 
     @property
@@ -121,8 +122,9 @@ class PoseExtrapolator:
                 expected = self._velocity.step(middle_time - last[0])
             self._velocity.update(relative(last[1], middle), middle_time - last[0])
         num_faulty = self.odometry.compare(last, middle_time, middle, evidence, scanner, expected)
-        if last is None:
-            num_faulty = max(num_faulty, 1)  # there is no step to this scan
+        if last is None or self._was_made_up_for:
+            num_faulty = max(num_faulty, 1)  # the poses show no step to this scan
+        self._was_made_up_for = False
         self._is_determined = evidence is None or evidence.is_determined
         if self._is_determined:
             self._assumed = None
@@ -198,7 +200,9 @@ class PoseExtrapolator:
         if by_odometry:
             moved = math.hypot(predicted.x - last.x, predicted.y - last.y)
             return gap_by_odometry(poses, moved, turn)
-        return gap_without_odometry(poses, duration, math.hypot(x, y), turn)
+        no_turn = self.gyroscope.turn(self._time, time) is None
+        is_lost = no_turn and self._doubtful_step(time) is None
+        return gap_without_odometry(poses, duration, math.hypot(x, y), turn, is_lost=is_lost)
 
     def _unsteady_step(self, time: float, expected: Pose) -> Pose | None:
         """Return a step as long as noisy odometry says, with the turn of constant velocity."""
@@ -208,11 +212,15 @@ class PoseExtrapolator:
     def _without_trusted_odometry(self, time: float) -> Pose:
         """Return the pose at constant velocity; after a gap, where doubtful odometry says."""
         if time - self._time > self._prediction.velocity_horizon:
-            step = self.odometry.doubtful_step(self._time, time)
+            step = self._doubtful_step(time)
             if step is not None:
                 turned = self.gyroscope.with_turn(step, self._time, time)
                 return compose(self._tf_local_tracking, turned)
         return self._at_constant_velocity(time)
+
+    def _doubtful_step(self, time: float) -> Pose | None:
+        """Return the step of odometry that is not trusted, or None if there is none."""
+        return self.odometry.doubtful_step(self._time, time)
 
     def _with_missed_motion(self, step: Pose) -> Pose:
         """Return a step, and by how much the odometry's last step was wrong, as is known by now.
@@ -250,7 +258,11 @@ class PoseExtrapolator:
             scanner: (time, missed.corrected(time, middle))
             for scanner, (time, middle) in self._middles.items()
         }
+        self._recent = deque(
+            ((time, missed.corrected(time, pose)) for time, pose in self._recent), maxlen=MAX_RECENT
+        )
         self._velocity.resume(*velocity)
+        self._was_made_up_for = True
         return missed
 
     def _caught_up(self, since: float, time: float) -> Prediction | None:

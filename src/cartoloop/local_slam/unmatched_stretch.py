@@ -15,6 +15,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.local_slam.gap import Gap
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.sensor.pose import Pose
+from cartoloop.submaps.node import LOST_ROTATION_INFORMATION
 
 MIN_STRETCH_M = 5.0
 """Shorter stretches do not end a submap [m]: the odometry is right to centimetres there."""
@@ -24,6 +25,9 @@ MAX_STRETCH_M = 1000.0
 
 MIN_ROTATION_SIGMA = 0.002
 """Least error of the heading after a stretch [rad]: odometry that stands still errs by nothing."""
+
+LEAST_INFORMATION = 4.0 * LOST_ROTATION_INFORMATION
+"""Information of the heading after any stretch [1/rad^2]: a robot with odometry is not lost."""
 
 SCALE_ERROR = 0.01
 """Error of the distance that calibrated odometry reports, as a share of it."""
@@ -82,4 +86,5 @@ class UnmatchedStretch:
             + (SCALE_ERROR * length) ** 2
             + rotation * length**2 / 3.0
         )
-        return np.diag((1.0 / translation, 1.0 / translation, 1.0 / rotation))
+        turn = max(1.0 / rotation, LEAST_INFORMATION)
+        return np.diag((1.0 / translation, 1.0 / translation, turn))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.arrays import FloatArray
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.submap import Submap
 
@@ -43,8 +43,8 @@ BEGINNING_INFORMATION = np.diag((1e4, 1e4, 1e5))
 """Information of a node in the submap that it begins, which is where it is [1/m^2, 1/rad^2]."""
 
 LOST_ROTATION_INFORMATION = 5.0
-"""A heading that is known less well is that of a robot that was lost [1/rad^2]: 0.45 rad. Weighted
-as in the pose graph, those of all others are known better."""
+"""A heading that is known less well is that of a robot that was lost [1/rad^2]: 0.45 rad. Odometry
+knows it better after any gap or stretch, also as weighted in the pose graph."""
 
 
 def shows_place(information: FloatArray) -> bool:
@@ -57,22 +57,19 @@ def shows_place(information: FloatArray) -> bool:
     return float(information[2, 2]) >= MIN_ROTATION_INFORMATION
 
 
-def is_lost(information: FloatArray) -> BoolArray:
-    """Return whether nothing says where nodes are: they follow gaps in which nothing was measured.
+def is_lost(information: FloatArray) -> bool:
+    """Return whether nothing says where a node is: it follows a gap in which nothing was measured.
 
     Matches that say as little are of scans with few returns, whose place the odometry knows. Their
     information is not diagonal.
 
     Parameters
     ----------
-    information : float64, shape (..., 3, 3).
+    information : float64, shape (3, 3).
     """
-    known = np.diagonal(information, axis1=-2, axis2=-1)
-    is_diagonal = np.count_nonzero(information, axis=(-2, -1)) == 3
-    lost: BoolArray = (
-        is_diagonal & (known > 0.0).all(axis=-1) & (known[..., 2] < LOST_ROTATION_INFORMATION)
-    )
-    return lost
+    if not 0.0 < information[2, 2] < LOST_ROTATION_INFORMATION:
+        return False
+    return int(np.count_nonzero(information)) == np.count_nonzero(np.diagonal(information))
 
 
 def information_in_begun(information: FloatArray) -> FloatArray:
