@@ -92,7 +92,7 @@ def test_submaps_out_of_reach_are_not_searched():
     assert len(reach(chain(steps()), boxes=(far,)).due) == 0
 
 
-def test_a_robot_that_was_lost_is_searched_at_any_heading_in_whole_submaps():
+def test_a_lost_robot_is_searched_anywhere_in_submaps():
     box = (-4.0, -6.0, 20.0, 12.0)
     found = reach(chain(steps()), boxes=(box,), lost_before=NUM_SUBMAPS - 1)
     assert found.due.tolist() == [0]

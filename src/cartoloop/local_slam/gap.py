@@ -32,7 +32,7 @@ odometry reports right after a gap may be of before its end."""
 
 TURN_RATE, ANY_HEADING_RAD = 1.5, math.pi / math.sqrt(3.0)
 """Rate at which a robot may turn whose motion nothing measures [rad/s], and the standard deviation
-of a heading of which nothing is known [rad]."""
+of an unknown heading [rad]."""
 
 MAX_LOST_ERROR_M = 100.0
 """Largest error of the place of a robot that was lost [m], however long the recording paused."""
