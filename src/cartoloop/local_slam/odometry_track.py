@@ -106,7 +106,7 @@ class OdometryTrack:
     @property
     def jumps_often(self) -> bool:
         """Whether most that it reports is by chance: robots are slower than its steps."""
-        return self.num_jumps >= max(MANY_JUMPS, JUMPING_SHARE * len(self))
+        return self.num_jumps >= MANY_JUMPS and self.num_jumps >= JUMPING_SHARE * len(self)
 
     @property
     def known_until(self) -> float:
