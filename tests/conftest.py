@@ -32,15 +32,19 @@ def pytest_configure():
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests that need Chromium by the fixture that starts it; files of slow tests first.
+    """Mark the tests that need Chromium by the fixture that starts it; put long files first.
 
-    So that in the end, processes wait for none of those.
+    So that in the end, processes wait for none of these.
     """
     for item in items:
         if "chromium" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.browser)
-    slow_files = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow_files)
+    long_files = {
+        item.path
+        for item in items
+        if item.get_closest_marker("slow") or item.get_closest_marker("browser")
+    }
+    items.sort(key=lambda item: item.path not in long_files)
 
 
 def mapped(events):

@@ -18,7 +18,7 @@ from cartoloop.global_slam.wide_search import WideSearch
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.scan_points import NodePoints, ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
-from cartoloop.submaps.node import is_lost
+from cartoloop.submaps.node import LOST_ROTATION_INFORMATION, is_lost
 
 
 def restore_nodes(
@@ -43,7 +43,8 @@ def restore_nodes(
         node_points.append(points)
     all_points = node_points.view
     inserted = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
-    lost = {int(graph.index_b[row]) for row in inserted if is_lost(graph.informations[row])}
+    weak = inserted[graph.informations[inserted, 2, 2] < LOST_ROTATION_INFORMATION]
+    lost = {int(graph.index_b[row]) for row in weak if is_lost(graph.informations[row])}
     tf_local_node = np.concatenate([each.tf_local_node for each in mapped])
     for node, pose in enumerate(tf_local_node.tolist()):
         if node in begins:
