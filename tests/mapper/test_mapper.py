@@ -115,7 +115,7 @@ def test_a_robot_that_was_lost_is_found_where_it_comes_back(paused):
 def test_a_continued_map_knows_where_a_robot_was_lost(paused, tmp_path):
     save(paused[1], tmp_path)
     mapper = Mapper(onto=load_map(tmp_path))
-    lost = mapper._global_slam._pairs._submap_lost.view
+    lost = mapper._global_slam._pairs._gaps.before_submap
     assert (lost[0], lost[-1]) == (0.0, LOST_M)
 
 

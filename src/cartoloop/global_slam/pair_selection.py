@@ -28,9 +28,10 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.lost_gaps import LostGaps
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.search_windows import windows
-from cartoloop.global_slam.submap_paths import LOST_M, UNCONNECTED_M, SubmapPaths
+from cartoloop.global_slam.submap_paths import UNCONNECTED_M, SubmapPaths
 from cartoloop.global_slam.wide_windows import bounding_boxes, wide_reach
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.due_pairs import (
@@ -98,16 +99,13 @@ class PairSelection:
         self._num_found: Counter[tuple[int, int]] = Counter()
         self._num_searches: Counter[tuple[int, int]] = Counter()
         self._submap_paths = self._wide_paths = SubmapPaths(config)
-        # Wide searches take gaps in which the robot was lost for long paths; the others go on as if
-        # the match after such a gap were right.
-        self._submap_lost = GrowingArray((), np.float64)
-        self._num_lost = 0
+        self._gaps = LostGaps()
         self._boxes: FloatArray = np.empty((0, 4))
 
     @property
     def was_lost(self) -> bool:
         """Whether the robot was lost in a gap of the recording."""
-        return self._num_lost > 0
+        return bool(self._gaps)
 
     def begin_session(self) -> None:
         """Note that the next node is the first of another session: no path leads to it."""
@@ -142,7 +140,8 @@ class PairSelection:
         step = math.dist(position, self._last_position)
         if step > SPARSE_STEP_M:
             step *= self._config.sparse_drift
-        self._num_lost += was_lost
+        if was_lost:
+            self._gaps.add()
         if self._begins_session:
             step, self._begins_session = UNCONNECTED_M, False
         travelled = self._travelled.view[-1] + step if len(self._travelled) else 0.0
@@ -152,7 +151,7 @@ class PairSelection:
         self._node_submaps.append(submaps)
         while submaps[1] >= len(self._submap_travelled):
             self._submap_travelled.append(travelled)
-            self._submap_lost.append(LOST_M * self._num_lost)
+            self._gaps.add_submap()
 
     def note_found(self, submaps: NDArray[np.integer], nodes: NDArray[np.integer]) -> None:
         """Note loop closures that searches found."""
@@ -173,21 +172,29 @@ class PairSelection:
     def note_adjusted(self, graph: PoseGraph, closures: IntArray) -> None:
         """Note which constraints of the graph are loop closures that hold, shape (k,)."""
         nodes, submaps = graph.index_b[closures], graph.index_a[closures]
-        own, begun = self._node_submaps.view[nodes, 0], self._submap_travelled.view
-        inside = self._travelled.view[nodes] - begun[own]
-        ends = np.column_stack((submaps, own))
-        self._submap_paths = self._wide_paths = SubmapPaths(self._config, begun, ends, inside)
-        if self._num_lost:
-            # Single closures across such a gap prove nothing: they were found where the match is.
-            lost, last = self._submap_lost.view, self._node_submaps.view[nodes, 1]
-            own = np.where(lost[own] == lost[last], own, last)  # first nodes after gaps are in both
-            ends, inside = np.column_stack((submaps, own)), self._travelled.view[nodes] - begun[own]
-            is_proof = (lost[own] == lost[submaps]) | graph.is_trusted[closures]
-            self._wide_paths = SubmapPaths(
-                self._config, self._wide_travelled, ends[is_proof], inside[is_proof]
+        both, begun = self._node_submaps.view[nodes], self._submap_travelled.view
+        self._submap_paths = self._wide_paths = self._connected(begun, submaps, nodes, both[:, 0])
+        if self._gaps:
+            own = self._gaps.own_submaps(both)
+            is_proof = graph.is_trusted[closures] | ~self._gaps.are_across(submaps, own)
+            self._wide_paths = self._connected(
+                self._wide_travelled, submaps[is_proof], nodes[is_proof], own[is_proof]
             )
         order = np.argsort(nodes, kind="stable")
         self._closures = np.array((nodes[order], submaps[order]))
+
+    def _connected(
+        self, travelled: FloatArray, submaps: IntArray, nodes: IntArray, own: IntArray
+    ) -> SubmapPaths:
+        """Return the paths between submaps that closures connect.
+
+        Parameters
+        ----------
+        travelled : path length when each submap was begun [m].
+        submaps, nodes, own : of the closures; of the submaps of each node, the one that counts.
+        """
+        inside = self._travelled.view[nodes] - self._submap_travelled.view[own]
+        return SubmapPaths(self._config, travelled, np.column_stack((submaps, own)), inside)
 
     def of_node(self, graph: PoseGraph, node: int, num_finished: int) -> Requests:
         """Return the requests for a node in the finished submaps, which are the first."""
@@ -348,19 +355,13 @@ class PairSelection:
     @property
     def _wide_travelled(self) -> FloatArray:
         """Path length when each submap was begun, as wide searches take it, shape (m,) [m]."""
-        travelled: FloatArray = self._submap_travelled.view + self._submap_lost.view
+        travelled: FloatArray = self._submap_travelled.view + self._gaps.before_submap
         return travelled
 
     def _wide_place(self, graph: PoseGraph, node: int) -> NodePlace:
         """Return a node's place as wide searches take it."""
         place = self._place(graph, node)
-        lost, own = self._submap_lost.view, place.last_submap
-        place = place._replace(travelled=place.travelled + float(lost[own]))
-        if lost[place.anchor] == lost[own]:
-            return place
-        # A closure of a node before a gap says nothing about one after it.
-        length = abs(place.travelled - float(self._wide_travelled[own]))
-        return place._replace(anchor=own, anchor_length=length)
+        return self._gaps.lengthened(place, self._submap_travelled.view)
 
     def _requests(
         self, submaps: RowArray, nodes: RowArray, lengths: FloatArray, poses: FloatArray
