@@ -18,6 +18,7 @@ from cartoloop.kernels.smooth_map import (
     PointScratch,
     SmoothMap,
     sample_smooth_map,
+    smooth_value,
 )
 from tests.reference.naive_scan_residuals import (
     central_differences,
@@ -69,6 +70,15 @@ def test_the_smooth_map_equals_plain_bicubic_interpolation(seed, col, row):
     grid = random_grid(seed)
     expected = naive_smooth_probability(grid, UNKNOWN, col, row)
     assert smooth_probability(grid, col, row)[0] == pytest.approx(expected, abs=1e-12)
+
+
+@settings(deadline=None, max_examples=200)
+@given(seed=seeds, x=st.floats(-1.0, 3.0), y=st.floats(-1.0, 3.0), smoothing=st.floats(0.0, 1.0))
+def test_a_single_value_is_the_same_to_the_last_bit(seed, x, y, smoothing):
+    grid, origin, resolution = random_grid(seed), (0.3, -0.2), 0.25
+    among_many = sample(grid, (0.0, 0.0), (x, y, 0.0), origin, resolution, smoothing)[0, 0]
+    smooth_map = SmoothMap(grid, *origin, resolution, smoothing)
+    assert smooth_value(smooth_map, UNKNOWN, x, y) == among_many
 
 
 @settings(deadline=None, max_examples=100)

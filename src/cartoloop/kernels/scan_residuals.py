@@ -21,6 +21,7 @@ from cartoloop.kernels.smooth_map import (
     SmoothMapFields,
     point_scratch,
     sample_smooth_map,
+    smooth_value,
 )
 from cartoloop.kernels.wall_directions import wall_directions
 
@@ -207,6 +208,29 @@ def predicted_decrease(system: FloatArray, damping: float, step: FloatArray) -> 
     return float(decrease)
 
 
+@borrowing_kernel
+def exceeds(
+    smooth_map: SmoothMap, unknown: float, points: FloatArray, pose: FloatArray, max_squares: float
+) -> bool:
+    """Return whether the sum of squares of (CS) is larger at a pose; most scans show it early.
+
+    Parameters
+    ----------
+    smooth_map, unknown, points : as in :func:`accumulate_match`.
+    pose : float64, shape (3,), tf_submap_scan.
+    """
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    total = 0.0
+    for k in range(points.shape[0]):
+        arm_x = cos * points[k, 0] - sin * points[k, 1]
+        arm_y = sin * points[k, 0] + cos * points[k, 1]
+        error = 1.0 - smooth_value(smooth_map, unknown, pose[0] + arm_x, pose[1] + arm_y)
+        total += error * error
+        if total > max_squares:
+            return True
+    return False
+
+
 @kernel
 def match_least_squares(
     smooth_map: SmoothMap,
@@ -238,6 +262,11 @@ def match_least_squares(
     pose - prior and s the scale (Cauchy's loss); damped Gauss-Newton (Levenberg and Marquardt),
     analytic derivatives.
     """
+    if exceeds(smooth_map, unknown, points, start, max_start_squares):
+        out_match[:3] = start
+        out_match[3:SQUARES] = 0.0
+        out_match[SQUARES:] = np.inf
+        return 1
     point_weight = options.point_weight
     scratch = point_scratch(points.shape[0])
     walls = np.empty((2, points.shape[0]))
@@ -251,12 +280,6 @@ def match_least_squares(
         squares = accumulate_match(
             smooth_map, unknown, points, walls, try_x, try_y, try_t, scratch, points_system
         )
-        if iterations == 1 and squares > max_start_squares:
-            for k in range(3):
-                out_match[k] = start[k]
-            out_match[3:SQUARES] = 0.0
-            out_match[SQUARES:] = np.inf
-            return iterations
         distance, gradient_x, gradient_y, gradient_t = prior_terms(prior, try_x, try_y, try_t)
         trust = 1.0 / (1.0 + distance)  # derivative of the loss
         cost = point_weight * squares + prior.scale**2 * math.log1p(distance)

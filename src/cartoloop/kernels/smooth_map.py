@@ -265,3 +265,28 @@ def sample_smooth_map(
             out_samples[VALUE, k] = unknown
             out_samples[D_COL, k] = 0.0
             out_samples[D_ROW, k] = 0.0
+
+
+@borrowing_kernel
+def smooth_value(smooth_map: SmoothMap, unknown: float, x: float, y: float) -> float:
+    """Return M_smooth at one position [m], to the last bit as :func:`sample_smooth_map` does."""
+    grid = smooth_map.cells
+    num_rows, num_cols = grid.shape
+    scale = 1.0 / smooth_map.resolution
+    col, row = (x - smooth_map.origin_x) * scale, (y - smooth_map.origin_y) * scale
+    below_col, below_row = np.floor(col), np.floor(row)
+    first_col, first_row = np.int64(below_col) - 1, np.int64(below_row) - 1
+    if first_col < -3 or first_row < -3 or first_col >= num_cols or first_row >= num_rows:
+        return unknown
+    weights = cubic_weights(col - below_col, smooth_map.smoothing)
+    of_rows = cubic_weights(row - below_row, smooth_map.smoothing)
+    value = 0.0
+    for i in range(4):
+        along = 0.0
+        for j in range(4):
+            cell = np.float32(0.0)
+            if 0 <= first_row + i < num_rows and 0 <= first_col + j < num_cols:
+                cell = grid[first_row + i, first_col + j]
+            along += weights[j] * (np.float64(cell) if cell > 0.0 else unknown)
+        value += of_rows[i] * along
+    return value
