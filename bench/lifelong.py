@@ -113,6 +113,7 @@ def _new_drive(
     num_new = result.graph.num_nodes - last.first_node
     error = _error(folder, out, drive)
     own = _error(folder, out, drive, last.stamp)
+    alone = _error(folder, _mapped_alone(folder, drive), drive)
     progress(
         f"drive {drive}: {result.graph.num_submaps} submaps, {result.graph.num_nodes} nodes, "
         f"rmse {_rmse(error) * 100:.1f} cm, {cost.cpu_s:.0f} s"
@@ -126,16 +127,26 @@ def _new_drive(
         "time a node": Figure(1e3 * cost.cpu_s / num_new, "ms"),
         "error": Figure.exact(100 * _rmse(error), "cm"),
         "error of this drive": Figure.exact(100 * _rmse(own), "cm"),
+        "error of this drive alone": Figure.exact(100 * _rmse(alone), "cm"),
         "map frame moved": Figure.exact(100 * _moved(folder, error), "cm"),
     }
     apart = sum(session.part != 0 for session in result.sessions)
     return Row({"drive": str(drive)}, figures, f"{apart} sessions apart" if apart else "")
 
 
+def _mapped_alone(folder: Path, drive: int) -> Path:
+    """Return the folder of the map of a drive alone, which is made where it is not there."""
+    out = folder / f"alone-{drive}"
+    if not out.exists():
+        run_command("map", folder / f"{drive}.log", "-o", out)
+    return out
+
+
 def _growth(rows: Sequence[Row]) -> Row:
     """Return size and cost after the last drive over those once settled, and error over the first.
 
-    Times of single runs are as noisy as the machine: the mean of all later drives is compared, too.
+    Single runs are noisy, the times by the machine and the errors by the drive: the mean time of
+    all later drives is compared, too, and their mean error with that of maps of each drive alone.
     """
     settled, last = rows[min(SETTLED_AFTER, len(rows)) - 1].figures, rows[-1].figures
     names = ("file", "peak memory", "time a node")
@@ -145,6 +156,13 @@ def _growth(rows: Sequence[Row]) -> Row:
         figures["mean time a node"] = Figure(float(np.mean(times)) / times[0])
     first = rows[0].figures["error"].value
     figures["error over the first"] = Figure.exact(last["error"].value / first)
+    later = [row.figures for row in rows[1:]]
+    if later:
+        in_map, alone = (
+            float(np.mean([each[name].value for each in later]))
+            for name in ("error of this drive", "error of this drive alone")
+        )
+        figures["mean error over drives alone"] = Figure.exact(in_map / alone)
     return Row({"drive": "last / third"}, figures)
 
 
@@ -227,10 +245,8 @@ class _Visit:
     def __init__(self, folder: Path, seed: int, drive: int) -> None:
         from cartoloop.simulation import make_world
 
-        world, out = make_world("office", seed, drive), folder / f"alone-{drive}"
+        world, out = make_world("office", seed, drive), _mapped_alone(folder, drive)
         self.furniture, self._walls = world.furniture, world.walls
-        if not out.exists():
-            run_command("map", folder / f"{drive}.log", "-o", out)
         self._map = load_map(out)
         estimate, truth = read_tum(out / "trajectory.tum"), read_tum(folder / f"{drive}.tum")
         self._tf_truth_map = evaluate_trajectory(estimate, truth).tf_truth_estimate

@@ -111,6 +111,22 @@ def test_a_row_of_shelves_hides_little_for_its_length(hidden, is_fault):
     assert bool(wall_faults(shelves, hall(), SUBMAPS, *LIMITS)) is is_fault
 
 
+@pytest.mark.parametrize(("depth", "is_fault"), [(10, False), (60, True)])
+def test_what_lies_before_a_wall_is_not_hidden_by_it(depth, is_fault):
+    """A shelf, or a wall, and beside it what something else hides, of both up to the next wall."""
+    wall_behind = (slice(20, HALL), slice(52 + depth, 54 + depth))
+    behind, before = (slice(40, HALL), slice(52, 52 + depth)), (slice(70, HALL), slice(12, 52))
+    cells, other = (hall().grids[0].cells.copy() for _ in range(2))
+    cells[20:40, 40 : 52 + depth] = cells[behind] = cells[before] = UNSEEN
+    cells[40:70, 50:52] = WALL
+    cells[wall_behind] = other[wall_behind] = WALL
+    parts = (
+        Submaps([FinishedGrid(each, 0.0, 0.0, RESOLUTION)], np.zeros((1, 3)))
+        for each in (cells, other)
+    )
+    assert bool(wall_faults(*parts, SUBMAPS, *LIMITS)) is is_fault
+
+
 HALL = 120
 """Edge of a hall of 6 m [cells]."""
 

@@ -19,12 +19,18 @@ from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import SubmapConfig
+from cartoloop.map_output.hidden_floor import HiddenFloor, area_behind, hidden_floor
 from cartoloop.map_output.occupancy_map import CellBox, compose_map
+from cartoloop.map_output.wall_axes import (
+    FLOOR,
+    MAYBE_WALL,
+    WALL,
+    axes_of,
+    cells_at,
+    direction_behind,
+)
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
-
-WALL, MAYBE_WALL, FLOOR = 0.7, 0.5, 0.3
-"""Least probability of a wall, of a cell that may be one, and largest of floor."""
 
 NEAR_WALL_M = 0.3
 """A wall with none of the other part within this distance contradicts it, on its floor [m]."""
@@ -43,15 +49,8 @@ PARALLEL, OBLIQUE = (-0.1, 0.0, 0.1), (-0.5, -0.4, -0.3, -0.2, 0.2, 0.3, 0.4, 0.
 BRIDGED_M = 0.15
 """Pieces of wall closer than this belong together [m]."""
 
-BESIDE_M = 0.5
-"""What a wall hides begins within this distance, and not behind another wall [m]."""
-
-
 _LANES = np.arange(4.0)
 """Lines along a wall on which one looks past its end, by their distance behind it [cells]."""
-
-_SIDE_CELLS = 4.0
-"""At this distance, less is known behind a wall than before it [cells]."""
 
 STRAIGHT_CELLS = 1.5
 """Cells of a wall lie as close as this to its axis."""
@@ -68,9 +67,6 @@ FREE_END_M = 0.3
 
 MAX_REST_M = 0.5
 """A wall that goes on further than this where nothing contradicts it does not end there [m]."""
-
-MIN_WALLS_BEHIND_M = 1.0
-"""Less wall, as cells in a row, beside floor behind a wall: beams passed through a window [m]."""
 
 
 class Submaps(NamedTuple):
@@ -173,38 +169,27 @@ def _faults(
         return []
     bridge = max(1, round(BRIDGED_M / resolution))
     pieces, _ = ndimage.label(_grown(contradicted, bridge), structure=np.ones((3, 3)))
-    hidden_areas: tuple[IntArray, FloatArray] | None = None  # hardly any wall comes that far
-    beside = max(1, round(BESIDE_M / resolution))
+    hidden: HiddenFloor | None = None  # hardly any wall comes that far
     faults = []
     for number, (rows, cols) in enumerate(ndimage.find_objects(pieces), start=1):
         length = _straight_length(contradicted[rows, cols] & (pieces[rows, cols] == number))
         length *= resolution
         if length < min_length:
             continue
-        places = np.argwhere(contradicted[rows, cols] & (pieces[rows, cols] == number))
-        corner = np.array((rows.start, cols.start))
-        if length < FURNITURE_M and _has_free_end(walls, places + corner, resolution):
+        piece = np.argwhere(pieces[rows, cols] == number) + np.array((rows.start, cols.start))
+        places = piece[contradicted[tuple(piece.T)]]
+        if length < FURNITURE_M and _has_free_end(walls, places, resolution):
             continue
-        bend = _bend(places + corner, box, resolution, held)
+        bend = _bend(places, box, resolution, held)
         reach = (NEAR_WALL_M + bend) / resolution
-        if bend and _is_displaced(seen > MAYBE_WALL, places + corner, reach):
+        if bend and _is_displaced(seen > MAYBE_WALL, places, reach):
             continue
-        if hidden_areas is None:
-            hidden_areas = _hidden(walls, seen, floor, resolution, bridge)
-        behind, areas = hidden_areas
-        around = (
-            slice(max(rows.start - beside, 0), rows.stop + beside),
-            slice(max(cols.start - beside, 0), cols.stop + beside),
-        )
-        # What the other part saw behind a wall of its own is not hidden by this one.
-        passable = ~(seen[around] > MAYBE_WALL)
-        near = ndimage.binary_dilation(pieces[around] == number, iterations=beside, mask=passable)
-        touched = np.unique(behind[around][near])
-        hidden = float(areas[touched[touched > 0]].max(initial=0.0))
-        if hidden >= max(min_hidden, min(HIDDEN_DEPTH_M * length, HIDDEN_M2)):
+        hidden = hidden or hidden_floor(walls, seen, floor, resolution, bridge)
+        area = area_behind(piece, direction_behind(walls, places), seen, hidden, resolution)
+        if area >= max(min_hidden, min(HIDDEN_DEPTH_M * length, HIDDEN_M2)):
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
-            faults.append(WallFault(x, y, length, hidden))
+            faults.append(WallFault(x, y, length, area))
     return faults
 
 
@@ -244,8 +229,7 @@ def _is_displaced(walls: BoolArray, places: IntArray, reach: float) -> bool:
     places : int64, shape (n, 2), row and column of cells of the wall.
     reach : the distance [cells].
     """
-    middle = places.mean(axis=0)
-    _, axes = np.linalg.eigh((places - middle).T @ (places - middle))
+    middle, axes = axes_of(places)
     across, along = ((places - middle) @ axes).T
     most = reach + max(OBLIQUE) * np.abs(along).max()  # an oblique wall leads on
     lower = np.maximum(np.floor(places.min(axis=0) - most).astype(np.int64), 0)
@@ -283,10 +267,9 @@ def _straight_length(cells: BoolArray) -> float:
 
     The edges of what is seen through a gap, and of furniture, are ragged; walls are straight.
     """
-    places = np.argwhere(cells).astype(np.float64)
-    places -= places.mean(axis=0)
-    _, axes = np.linalg.eigh(places.T @ places)
-    across, along = (places @ axes).T
+    places = np.argwhere(cells)
+    middle, axes = axes_of(places)
+    across, along = ((places - middle) @ axes).T
     close = along[np.abs(across - np.median(across)) <= STRAIGHT_CELLS]
     # Cells of an oblique line are up to 1.4 apart.
     return 2.0 * len(np.unique(np.floor(close / 2.0)))
@@ -303,21 +286,16 @@ def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: floa
     places : int64, shape (n, 2), row and column of cells of the wall.
     resolution : edge of a cell [m].
     """
-    middle = places.mean(axis=0)
-    _, axes = np.linalg.eigh((places - middle).T @ (places - middle))
+    middle, axes = axes_of(places)
     across, along = ((places - middle) @ axes).T
     middle = middle + np.median(across) * axes[:, 0]
-    sides = [
-        np.count_nonzero(_cells_at(walls, places + side * _SIDE_CELLS * axes[:, 0]) < 0.0)
-        for side in (-1.0, 1.0)
-    ]
-    back = axes[:, 0] if sides[1] >= sides[0] else -axes[:, 0]
+    back = direction_behind(walls, places)
     num_free, most = round(FREE_END_M / resolution), round(MAX_REST_M / resolution)
     gap = max(1, round(BRIDGED_M / resolution))
     steps = np.arange(1, most + num_free + gap + 1)
     for end, ahead in ((along.max(), axes[:, 1]), (-along.min(), -axes[:, 1])):
         line = middle + (end + steps)[:, None] * ahead
-        before, *lanes = [_cells_at(walls, line + shift * back) for shift in (-1.0, *_LANES)]
+        before, *lanes = [cells_at(walls, line + shift * back) for shift in (-1.0, *_LANES)]
         last = 0  # cell of the wall beyond the end
         for step in np.flatnonzero(np.max((before, *lanes[:2]), axis=0) > WALL).tolist():
             if step + 1 - last > gap:
@@ -329,37 +307,6 @@ def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: floa
         if last <= most and (np.count_nonzero(~is_floor, axis=1) <= 1).any():
             return True
     return False
-
-
-def _cells_at(walls: NDArray[np.float32], places: FloatArray) -> NDArray[np.float32]:
-    """Return the probabilities at rows and columns, -1 outside the map."""
-    cells = np.rint(places).astype(np.int64)
-    inside = ((cells >= 0) & (cells < np.array(walls.shape))).all(axis=1)
-    found = np.full(len(cells), -1.0, dtype=np.float32)
-    found[inside] = walls[tuple(cells[inside].T)]
-    return found
-
-
-def _hidden(
-    walls: NDArray[np.float32],
-    seen: NDArray[np.float32],
-    floor: BoolArray,
-    resolution: float,
-    bridge: int,
-) -> tuple[IntArray, FloatArray]:
-    """Return pieces of floor that the first map does not know, by number, and the area of each.
-
-    The area of pieces beside which hardly any wall was seen is 0.
-    """
-    from scipy import ndimage
-
-    unknown = walls < 0.0
-    pieces, count = ndimage.label(floor & unknown)
-    areas = np.bincount(pieces.ravel(), minlength=count + 1).astype(np.float64) * resolution**2
-    reach = ndimage.grey_dilation(pieces, size=(2 * bridge + 1, 2 * bridge + 1))
-    beside = np.bincount(reach[(seen > WALL) & unknown], minlength=count + 1) * resolution
-    areas[beside < MIN_WALLS_BEHIND_M] = 0.0
-    return pieces, areas
 
 
 def _grown(cells: BoolArray, radius: int) -> BoolArray:
