@@ -15,7 +15,8 @@ from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.mirrored import mirrored_places
 from cartoloop.quality.odometry_use import has_odometry
-from cartoloop.quality.pairs import MapContent
+from cartoloop.quality.pairs import MappedContent
+from cartoloop.quality.rejected_closures import rejected_places
 from cartoloop.quality.scattered import scattered_places
 from cartoloop.quality.slides import slides
 from cartoloop.quality.verdict import VERDICTS, Quality, Severity
@@ -32,7 +33,7 @@ MIN_DETOUR_M = 100.0
 
 
 def examine(
-    content: MapContent, config: QualityConfig, odometry: Mapping[str, Any] | None = None
+    content: MappedContent, config: QualityConfig, odometry: Mapping[str, Any] | None = None
 ) -> Quality:
     """Return what speaks against a map, without the truth and without trust in its closures.
 
@@ -71,6 +72,7 @@ def examine(
         *corridor_places(
             halls, odometry, weak_places.is_confirmed(met, len(paths)), content, config
         ),
+        *rejected_places(content),
         *weak_places.weak_closure_places(weak_bundles(content.graph, paths, MIN_DETOUR_M), content),
         *weak_places.open_ends(met, paths, content, config),
     ]

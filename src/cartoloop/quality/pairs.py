@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.kernels.map_agreement import AgreementLimits, CellGrid, count_agreement
 from cartoloop.kernels.scan_batch import ScanBatch
@@ -64,6 +65,13 @@ class MapContent(Protocol):
     def node_parts(self) -> NDArray[np.int64]: ...  # noqa: D102
     @property
     def submap_parts(self) -> NDArray[np.int64]: ...  # noqa: D102
+
+
+class MappedContent(MapContent, Protocol):
+    """A whole map, with the record of its loop closures."""
+
+    @property
+    def closures(self) -> Closures: ...  # noqa: D102
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,8 @@ class Kind(StrEnum):
     """A length that the scans hardly measure: it rests on the odometry alone, or on nothing."""
     OPEN = "open"
     """A part of the path that no other visit confirms."""
+    REJECTED = "rejected"
+    """Many loop closures that the others contradict."""
     WEAK_CLOSURE = "weak_closure"
     """A few loop closures that alone hold a part of the map where it is."""
 
