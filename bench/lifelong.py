@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -29,6 +30,9 @@ APART_M = 0.3
 
 SETTLED_AFTER = 3
 """Size and cost are compared with those after this drive: the first ones see new rooms."""
+
+ALONE = "error of this drive alone"
+"""Figure of the map of one drive."""
 
 _POINT_SPACING_M = 0.02
 """Of the places on furniture where the map is looked at [m]."""
@@ -88,7 +92,11 @@ def _drive(
     """Return the figures of a drive: those that were kept, or of one that is made."""
     kept = folder / f"{drive}.json"
     if kept.is_file():
-        return read_record(kept).rows[0]
+        row = read_record(kept).rows[0]
+        if ALONE in row.figures:
+            return row
+        figures = row.figures | {ALONE: _error_alone(folder, drive, progress)}
+        return replace(row, figures=figures)
     row = _new_drive(folder, drive, options, progress)
     kept.write_text(Record("lifelong", (row,)).to_json(), encoding="utf-8")
     return row
@@ -113,7 +121,6 @@ def _new_drive(
     num_new = result.graph.num_nodes - last.first_node
     error = _error(folder, out, drive)
     own = _error(folder, out, drive, last.stamp)
-    alone = _error(folder, _mapped_alone(folder, drive), drive)
     progress(
         f"drive {drive}: {result.graph.num_submaps} submaps, {result.graph.num_nodes} nodes, "
         f"rmse {_rmse(error) * 100:.1f} cm, {cost.cpu_s:.0f} s"
@@ -127,18 +134,28 @@ def _new_drive(
         "time a node": Figure(1e3 * cost.cpu_s / num_new, "ms"),
         "error": Figure.exact(100 * _rmse(error), "cm"),
         "error of this drive": Figure.exact(100 * _rmse(own), "cm"),
-        "error of this drive alone": Figure.exact(100 * _rmse(alone), "cm"),
+        ALONE: _error_alone(folder, drive, progress),
         "map frame moved": Figure.exact(100 * _moved(folder, error), "cm"),
     }
     apart = sum(session.part != 0 for session in result.sessions)
     return Row({"drive": str(drive)}, figures, f"{apart} sessions apart" if apart else "")
 
 
-def _mapped_alone(folder: Path, drive: int) -> Path:
-    """Return the folder of the map of a drive alone, which is made where it is not there."""
+def _error_alone(folder: Path, drive: int, progress: Callable[[str], None]) -> Figure:
+    """Return the error of the map of a drive alone."""
+    error = _error(folder, _mapped_alone(folder, drive, progress), drive)
+    return Figure.exact(100 * _rmse(error), "cm")
+
+
+def _mapped_alone(folder: Path, drive: int, progress: Callable[[str], None]) -> Path:
+    """Return the folder of the map of a drive alone, which is made where it is not whole."""
     out = folder / f"alone-{drive}"
     if not out.exists():
-        run_command("map", folder / f"{drive}.log", "-o", out)
+        progress(f"mapping drive {drive} alone")
+        part = folder / f"alone-{drive}.part"
+        shutil.rmtree(part, ignore_errors=True)
+        run_command("map", folder / f"{drive}.log", "-o", part)
+        part.rename(out)
     return out
 
 
@@ -160,7 +177,7 @@ def _growth(rows: Sequence[Row]) -> Row:
     if later:
         in_map, alone = (
             float(np.mean([each[name].value for each in later]))
-            for name in ("error of this drive", "error of this drive alone")
+            for name in ("error of this drive", ALONE)
         )
         figures["mean error over drives alone"] = Figure.exact(in_map / alone)
     return Row({"drive": "last / third"}, figures)
@@ -202,7 +219,7 @@ def _furniture(folder: Path, options: LifelongOptions, progress: Callable[[str],
     on the map; it counts where the last drive that looked saw nothing in its place.
     """
     drives = options.drives
-    first, last = (_Visit(folder, options.seed, drive) for drive in (1, drives))
+    first, last = (_Visit(folder, options.seed, drive, progress) for drive in (1, drives))
     final = load_map(folder / f"map-{drives}")
     tf_final = _error(folder, folder / f"map-{drives}", drives).tf_truth_estimate
 
@@ -215,8 +232,7 @@ def _furniture(folder: Path, options: LifelongOptions, progress: Callable[[str],
     again, seen_empty = gone[last.saw(gone)], np.zeros(len(gone), dtype=bool)
     left = np.ones(len(gone), dtype=bool)
     for drive in range(drives, 1, -1):
-        progress(f"mapping drive {drive} alone")
-        visit = last if drive == drives else _Visit(folder, options.seed, drive)
+        visit = last if drive == drives else _Visit(folder, options.seed, drive, progress)
         looked = left & visit.saw(gone)
         seen_empty |= looked & visit.is_clear(gone)
         left &= ~looked
@@ -242,10 +258,12 @@ class _Visit:
     seed, drive : of the building.
     """
 
-    def __init__(self, folder: Path, seed: int, drive: int) -> None:
+    def __init__(
+        self, folder: Path, seed: int, drive: int, progress: Callable[[str], None]
+    ) -> None:
         from cartoloop.simulation import make_world
 
-        world, out = make_world("office", seed, drive), _mapped_alone(folder, drive)
+        world, out = make_world("office", seed, drive), _mapped_alone(folder, drive, progress)
         self.furniture, self._walls = world.furniture, world.walls
         self._map = load_map(out)
         estimate, truth = read_tum(out / "trajectory.tum"), read_tum(folder / f"{drive}.tum")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench import lifelong
-from bench.record import Figure, Row
+from bench.record import Figure, Record, Row
 from cartoloop.sensor.pose import Pose, transform_points
 from tests.map_output.small_result import small_result
 
@@ -39,7 +39,8 @@ def test_drives_whose_figures_were_kept_are_not_made_again(tmp_path, monkeypatch
 
     def drive(folder, number, options, progress):
         made.append(number)
-        return Row({"drive": str(number)}, {"error": Figure.exact(float(number), "cm")})
+        error = Figure.exact(float(number), "cm")
+        return Row({"drive": str(number)}, {"error": error, lifelong.ALONE: error})
 
     monkeypatch.setattr(lifelong, "_new_drive", drive)
     options = lifelong.LifelongOptions(3, seed=7, keep=tmp_path)
@@ -50,6 +51,43 @@ def test_drives_whose_figures_were_kept_are_not_made_again(tmp_path, monkeypatch
     assert [row.figures["error"].value for row in rows] == [1.0, 2.0, 3.0]
     with lifelong._folder(lifelong.LifelongOptions(3, seed=8, keep=tmp_path)) as other:
         assert other != folder
+
+
+def test_figures_of_an_earlier_version_gain_the_error_of_the_drive_alone(tmp_path, monkeypatch):
+    figure = Figure.exact(1.5, "cm")
+    monkeypatch.setattr(lifelong, "_error_alone", lambda *_: figure)
+    row = Row({"drive": "1"}, {"error": Figure.exact(2.0, "cm")})
+    (tmp_path / "1.json").write_text(Record("lifelong", (row,)).to_json(), encoding="utf-8")
+    options = lifelong.LifelongOptions(2, seed=7, keep=tmp_path)
+    drive = lifelong._drive(tmp_path, 1, options, print)
+    assert drive.figures == {"error": Figure.exact(2.0, "cm"), lifelong.ALONE: figure}
+
+
+def test_map_of_a_drive_that_was_stopped_is_made_again(tmp_path, monkeypatch):
+    made = []
+
+    def command(*words):
+        made.append(words[0])
+        words[-1].mkdir()
+
+    monkeypatch.setattr(lifelong, "run_command", command)
+    (tmp_path / "alone-3.part").mkdir()
+    for _ in range(2):
+        assert lifelong._mapped_alone(tmp_path, 3, print) == tmp_path / "alone-3"
+    assert made == ["map"]
+    assert [path.name for path in tmp_path.iterdir()] == ["alone-3"]
+
+
+def test_errors_are_compared_with_the_first_and_with_drives_alone():
+    def drive(number, own, alone):
+        names = ("file", "peak memory", "time a node", "error", "error of this drive")
+        figures = {name: Figure.exact(own, "") for name in names}
+        return Row({"drive": str(number)}, figures | {lifelong.ALONE: Figure.exact(alone, "")})
+
+    growth = lifelong._growth([drive(1, 2.0, 2.0), drive(2, 3.0, 4.0), drive(3, 5.0, 6.0)])
+    assert growth.figures["error over the first"].value == 2.5
+    assert growth.figures["mean error over drives alone"].value == 0.8
+    assert "mean error over drives alone" not in lifelong._growth([drive(1, 2.0, 2.0)]).figures
 
 
 def test_folder_that_is_not_kept_is_removed():

@@ -113,7 +113,7 @@ def test_a_row_of_shelves_hides_little_for_its_length(hidden, is_fault):
 
 @pytest.mark.parametrize(("depth", "is_fault"), [(10, False), (60, True)])
 def test_what_lies_before_a_wall_is_not_hidden_by_it(depth, is_fault):
-    """A shelf, or a wall, and beside it what something else hides, of both up to the next wall."""
+    """Behind a shelf lies a strip, behind a wall a room; what lies before counts for neither."""
     wall_behind = (slice(20, HALL), slice(52 + depth, 54 + depth))
     behind, before = (slice(40, HALL), slice(52, 52 + depth)), (slice(70, HALL), slice(12, 52))
     cells, other = (hall().grids[0].cells.copy() for _ in range(2))
@@ -125,6 +125,34 @@ def test_what_lies_before_a_wall_is_not_hidden_by_it(depth, is_fault):
         for each in (cells, other)
     )
     assert bool(wall_faults(*parts, SUBMAPS, *LIMITS)) is is_fault
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize("is_mirrored", [False, True])
+def test_both_sides_of_a_wall_that_is_known_from_both_count(turned, is_mirrored):
+    cells, other = corridor(200, end_at=100).grids[0].cells.copy(), corridor(200).grids[0].cells
+    cells[10 : 10 + WIDTH, 100:105] = FLOOR
+    parts = []
+    for each in (cells, other):
+        placed = np.rot90(each[:, ::-1] if is_mirrored else each, turned).copy()
+        parts.append(Submaps([FinishedGrid(placed, 0.0, 0.0, RESOLUTION)], np.zeros((1, 3))))
+    (fault,) = wall_faults(*parts, SUBMAPS, *LIMITS)
+    assert fault.hidden > 5.0
+
+
+def test_what_begins_before_a_shelf_is_not_hidden_by_it_beyond():
+    """What something else hides crosses the line of the shelf metres away."""
+    hidden, other = (np.full((160, 160), FLOOR, np.uint8) for _ in range(2))
+    for cells in (hidden, other):
+        cells[[0, -1]] = cells[:, [0, -1]] = WALL
+        cells[1:120, 59:61] = WALL
+    hidden[20:70, 50:52] = WALL
+    hidden[20:70, 52:59] = hidden[75:160, 5:48] = hidden[122:160, 5:160] = UNSEEN
+    parts = (
+        Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], np.zeros((1, 3)))
+        for cells in (hidden, other)
+    )
+    assert wall_faults(*parts, SUBMAPS, *LIMITS) == []
 
 
 HALL = 120

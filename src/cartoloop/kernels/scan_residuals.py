@@ -212,12 +212,15 @@ def predicted_decrease(system: FloatArray, damping: float, step: FloatArray) -> 
 def exceeds(
     smooth_map: SmoothMap, unknown: float, points: FloatArray, pose: FloatArray, max_squares: float
 ) -> bool:
-    """Return whether the sum of squares of (CS) is larger at a pose; most scans show it early.
+    """Return whether the sum of squares of (CS) at a pose is larger than a limit.
+
+    It only grows from point to point, so that the first ones often decide.
 
     Parameters
     ----------
     smooth_map, unknown, points : as in :func:`accumulate_match`.
     pose : float64, shape (3,), tf_submap_scan.
+    max_squares : the limit.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     total = 0.0
@@ -262,7 +265,9 @@ def match_least_squares(
     pose - prior and s the scale (Cauchy's loss); damped Gauss-Newton (Levenberg and Marquardt),
     analytic derivatives.
     """
-    if exceeds(smooth_map, unknown, points, start, max_start_squares):
+    if max_start_squares < np.inf and exceeds(
+        smooth_map, unknown, points, start, max_start_squares
+    ):
         out_match[:3] = start
         out_match[3:SQUARES] = 0.0
         out_match[SQUARES:] = np.inf

@@ -27,7 +27,7 @@ from cartoloop.map_output.wall_axes import (
     WALL,
     axes_of,
     cells_at,
-    direction_behind,
+    directions_behind,
 )
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -184,8 +184,9 @@ def _faults(
         reach = (NEAR_WALL_M + bend) / resolution
         if bend and _is_displaced(seen > MAYBE_WALL, places, reach):
             continue
-        hidden = hidden or hidden_floor(walls, seen, floor, resolution, bridge)
-        area = area_behind(piece, direction_behind(walls, places), seen, hidden, resolution)
+        if hidden is None:
+            hidden = hidden_floor(walls, seen, resolution, bridge)
+        area = area_behind(piece, places, walls, seen, hidden, resolution)
         if area >= max(min_hidden, min(HIDDEN_DEPTH_M * length, HIDDEN_M2)):
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
@@ -289,7 +290,7 @@ def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: floa
     middle, axes = axes_of(places)
     across, along = ((places - middle) @ axes).T
     middle = middle + np.median(across) * axes[:, 0]
-    back = direction_behind(walls, places)
+    back = directions_behind(walls, places)[0]
     num_free, most = round(FREE_END_M / resolution), round(MAX_REST_M / resolution)
     gap = max(1, round(BRIDGED_M / resolution))
     steps = np.arange(1, most + num_free + gap + 1)

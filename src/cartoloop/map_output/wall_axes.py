@@ -31,8 +31,10 @@ def axes_of(places: IntArray) -> tuple[FloatArray, FloatArray]:
     return middle, axes
 
 
-def direction_behind(walls: NDArray[np.float32], places: IntArray) -> FloatArray:
+def directions_behind(walls: NDArray[np.float32], places: IntArray) -> list[FloatArray]:
     """Return the direction across a wall, as rows and columns, to the side where less is known.
+
+    Where both sides are known equally well, both directions.
 
     Parameters
     ----------
@@ -40,11 +42,13 @@ def direction_behind(walls: NDArray[np.float32], places: IntArray) -> FloatArray
     places : int64, shape (n, 2), rows and columns of cells of the wall.
     """
     across: FloatArray = axes_of(places)[1][:, 0]
-    sides = [
+    before, after = (
         np.count_nonzero(cells_at(walls, places + side * _SIDE_CELLS * across) < 0.0)
         for side in (-1.0, 1.0)
-    ]
-    return across if sides[1] >= sides[0] else -across
+    )
+    if before == after:
+        return [across, -across]
+    return [across if after > before else -across]
 
 
 def cells_at(walls: NDArray[np.float32], places: FloatArray) -> NDArray[np.float32]:
