@@ -53,7 +53,7 @@ def test_drives_whose_figures_were_kept_are_not_made_again(tmp_path, monkeypatch
         assert other != folder
 
 
-def test_figures_of_an_earlier_version_gain_the_error_of_the_drive_alone(tmp_path, monkeypatch):
+def test_figures_of_an_earlier_version_are_completed(tmp_path, monkeypatch):
     figure = Figure.exact(1.5, "cm")
     monkeypatch.setattr(lifelong, "_error_alone", lambda *_: figure)
     row = Row({"drive": "1"}, {"error": Figure.exact(2.0, "cm")})
@@ -78,7 +78,7 @@ def test_map_of_a_drive_that_was_stopped_is_made_again(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["alone-3"]
 
 
-def test_errors_are_compared_with_the_first_and_with_drives_alone():
+def test_errors_are_compared_with_those_of_drives_alone():
     def drive(number, own, alone):
         names = ("file", "peak memory", "time a node", "error", "error of this drive")
         figures = {name: Figure.exact(own, "") for name in names}

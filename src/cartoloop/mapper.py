@@ -52,6 +52,7 @@ from cartoloop.sensor.events import (
     SensorEvent,
 )
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
+from cartoloop.sensor.stated_sweeps import StatedSweeps
 from cartoloop.session import Session
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.submap import Submap
@@ -140,6 +141,7 @@ class Mapper:
         self._num_scans = 0
         self._queue: deque[LaserScan | PointCloud] = deque()
         self._checker = EventChecker(accepts_late_odometry=live)
+        self._sweeps = StatedSweeps(config.sensor.sweep_s)
         self._sensors: dict[str, ScanGeometry | CloudGeometry] = {}
         self._clock: RunClock | None = None
         self._is_closed = False
@@ -254,7 +256,7 @@ class Mapper:
         elif isinstance(event, Imu):
             self._local_slam.add_imu(event)
         else:
-            self._queue.append(event)
+            self._queue.append(self._sweeps.of(event))
         # Live, the sequencer has already waited for late readings.
         return self._map_queue(math.inf if self._back_end is not None else event.time, on_pose)
 

@@ -129,7 +129,7 @@ def test_what_lies_before_a_wall_is_not_hidden_by_it(depth, is_fault):
 
 @pytest.mark.parametrize("turned", [0, 1, 2, 3])
 @pytest.mark.parametrize("is_mirrored", [False, True])
-def test_both_sides_of_a_wall_that_is_known_from_both_count(turned, is_mirrored):
+def test_both_sides_of_a_wall_known_from_both_count(turned, is_mirrored):
     cells, other = corridor(200, end_at=100).grids[0].cells.copy(), corridor(200).grids[0].cells
     cells[10 : 10 + WIDTH, 100:105] = FLOOR
     parts = []
@@ -140,7 +140,7 @@ def test_both_sides_of_a_wall_that_is_known_from_both_count(turned, is_mirrored)
     assert fault.hidden > 5.0
 
 
-def test_what_begins_before_a_shelf_is_not_hidden_by_it_beyond():
+def test_what_begins_before_a_shelf_is_not_hidden_by_it():
     """What something else hides crosses the line of the shelf metres away."""
     hidden, other = (np.full((160, 160), FLOOR, np.uint8) for _ in range(2))
     for cells in (hidden, other):

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cartoloop.config import Config, GlobalSlamConfig, LocalSlamConfig
+from cartoloop.config import Config, GlobalSlamConfig, LocalSlamConfig, SensorConfig
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
 from cartoloop.sensor.pose import Pose
@@ -33,8 +33,9 @@ HALF = Lidar(rate=10.0)
 STANDING_S = 2.0
 
 
-def mapped(events, **local_slam):
+def mapped(events, sensor=None, **local_slam):
     config = Config(
+        sensor=sensor or SensorConfig(),
         local_slam=LocalSlamConfig(**local_slam),
         global_slam=GlobalSlamConfig(optimize_every_n_nodes=0),
     )
@@ -103,6 +104,13 @@ def test_deskewing_corrects_most_of_the_error_of_turning(source):
         distorted.append(error(mapped(at_once(moving.events())), moving))
     assert np.mean(undone) < 1.3 * np.mean(still)
     assert np.mean(distorted) > 3.0 * np.mean(still)
+
+
+def test_a_sweep_that_only_the_user_states_is_deskewed():
+    moving = walk(1, 0.8, 2.0, rounds=1, scanners=[MountedLidar(WIDE, sweep=0.075)])
+    stated = mapped(moving.events())
+    given = mapped(at_once(moving.events()), sensor=SensorConfig(sweep_s=0.075))
+    assert given.trajectory == pytest.approx(stated.trajectory, abs=1e-6)
 
 
 def test_scans_alone_are_deskewed_nearly_as_well():

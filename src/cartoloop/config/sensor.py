@@ -22,6 +22,14 @@ class SensorConfig(Section):
     laser_pose: tuple[float, float, float] | None = Field(
         None, description="pose of the scanner on the robot: x, y [m], yaw [rad]"
     )
+    sweep_s: float | None = Field(
+        None,
+        gt=0,
+        le=1,
+        description="time from the first beam to the last of scans that do not state it, as those "
+        "of CARMEN logs: 0.0067 of a SICK LMS at 1 degree, 0.067 of a Hokuyo URG-04LX; None: all "
+        "beams at once [s]",
+    )
     upside_down: bool = Field(
         False,
         description="mirror the beams: the scanner is mounted upside down, or sends them in the "

@@ -23,6 +23,7 @@ from cartoloop.map_data import MapData
 from cartoloop.sensor.event_faults import EventChecker
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.stated_sweeps import StatedSweeps
 
 _EVENTS = "a LaserScan, PointCloud, Odometry or Imu"
 
@@ -70,10 +71,12 @@ class Localizer:
         self._known = _as_known_map(map_)
         self._watch = ChangeWatch(self._known) if watch_changes else None
         self._live = live
+        config = config or Config()
         self._locating = Locating(
-            self._known, config or Config(), calibration, in_background=live and not waits
+            self._known, config, calibration, in_background=live and not waits
         )
         self._checker = EventChecker(accepts_late_odometry=live)
+        self._sweeps = StatedSweeps(config.sensor.sweep_s)
         self._queue: deque[LaserScan | PointCloud] = deque()
         self._skipped: Counter[str] = Counter()
         self._odom: Pose | None = None
@@ -193,7 +196,7 @@ class Localizer:
         elif isinstance(event, Imu):
             self._locating.motion.add_imu(event)
         else:
-            self._queue.append(event)
+            self._queue.append(self._sweeps.of(event))
         return self._answer_queue(math.inf if self._live else event.time, on_answer)
 
     def finish(self, on_answer: Callable[[Answer], None] | None = None) -> Answer | None:
