@@ -27,8 +27,8 @@ class SensorConfig(Section):
         gt=0,
         le=1,
         description="time from the first beam to the last of scans that do not state it, as those "
-        "of CARMEN logs: 0.0067 of a SICK LMS at 1 degree, 0.067 of a Hokuyo URG-04LX; None: all "
-        "beams at once [s]",
+        "of CARMEN logs: 0.0067 of a SICK LMS at 1 degree, 0.067 of a Hokuyo URG-04LX; otherwise "
+        "all beams count as measured at once [s]",
     )
     upside_down: bool = Field(
         False,
