@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +13,9 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import UsageError
+
+MAX_COORDINATE_M = 1e6
+"""Poses farther away from the origin of a map are mistakes [m]."""
 
 _MAX_SHOWN = 40
 """Characters of a value that are shown."""
@@ -40,7 +44,7 @@ def as_number(value: object, what: str) -> float:
         return value
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
-    if isinstance(value, int | float | np.integer | np.floating):
+    if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
         try:
             return float(value)
         except OverflowError:
@@ -61,6 +65,22 @@ def as_numbers(value: object, what: str, count: int) -> tuple[float, ...]:
     if not isinstance(value, tuple | list) or len(value) != count:
         raise UsageError(f"{what} is {shown(value)}: give {count} numbers")
     return tuple(as_number(number, what) for number in value)
+
+
+def as_pose(value: object, what: str) -> tuple[float, float, float]:
+    """Return x, y and theta of a pose in a map [m, m, rad].
+
+    Raises
+    ------
+    UsageError
+        They are no finite numbers, or too far away.
+    """
+    x, y, theta = as_numbers(value, what, 3)
+    if not all(map(math.isfinite, (x, y, theta))):
+        raise UsageError(f"{what} is {shown(value)}: give finite numbers")
+    if max(abs(x), abs(y)) > MAX_COORDINATE_M:
+        raise UsageError(f"{what} is {shown(value)}: is beyond {MAX_COORDINATE_M / 1e3:,.0f} km")
+    return x, y, theta
 
 
 def as_array(value: object, what: str) -> FloatArray:

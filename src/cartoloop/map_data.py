@@ -7,7 +7,7 @@ All that is written, drawn, explained or evaluated is made of it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from cartoloop.config import Config
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.trajectory import path_length
 from cartoloop.quality.verdict import Quality
-from cartoloop.report import Report
-from cartoloop.session import Session, parts_of
+from cartoloop.report import InputSummary, Report
+from cartoloop.session import Session, parts_of, ranges
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 
@@ -93,3 +94,22 @@ class MapData:
         """Number of the connected part that each scan belongs to, int64 (n,)."""
         firsts = [session.first_scan for session in self.sessions]
         return parts_of(self.sessions, firsts, len(self.stamps))
+
+
+def input_left(before: MapData, after: MapData) -> InputSummary:
+    """Return the summary of the scans that a map still has.
+
+    Parameters
+    ----------
+    before, after : the map and its report, and what is left of its scans and sessions.
+    """
+    firsts = [session.first_scan for session in after.sessions]
+    scans = [part for part in ranges(firsts, len(after.stamps)) if part.stop > part.start]
+    removed, known = len(before.stamps) - len(after.stamps), before.report.input
+    durations = [float(np.ptp(after.stamps[part])) for part in scans]
+    return replace(
+        known,
+        scans=known.scans - removed,
+        duration_s=sum(durations) if removed else known.duration_s,
+        path_length_m=sum(path_length(after.trajectory[part]) for part in scans),
+    )

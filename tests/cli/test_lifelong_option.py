@@ -12,10 +12,12 @@ def test_lifelong_without_a_map_is_refused(tmp_path, capsys):
 
 
 def test_a_drive_that_is_seen_again_gives_way(tmp_path, capsys):
-    log, first, both = tmp_path / "office.log", tmp_path / "first", tmp_path / "both"
-    simulate(make_world("office"), seed=1, duration=60.0).write_log(log)
+    log, again = tmp_path / "office.log", tmp_path / "again.log"
+    first, both = tmp_path / "first", tmp_path / "both"
+    for seed, path in enumerate((log, again)):
+        simulate(make_world("office"), seed=seed, duration=60.0).write_log(path)
     assert run(["map", str(log), "-o", str(first)]) == 0
-    assert run(["map", str(log), "--onto", str(first), "--lifelong", "-o", str(both)]) == 0
+    assert run(["map", str(again), "--onto", str(first), "--lifelong", "-o", str(both)]) == 0
     assert "submaps and" in capsys.readouterr().out.partition("seen again")[2]
     report = json.loads((both / "report.json").read_text())
     assert report["lifelong"]["removed_submaps"] > 0

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from cartoloop.kernels.fading import clear_inside, copy_unknown, fade_submap
-from tests.reference.naive_fading import naive_clear, naive_copy, naive_fade
+from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over
+from tests.reference.naive_fading import naive_clear, naive_fade, naive_hand_over
 
 CELLS = st_numpy.arrays(np.uint8, st.tuples(st.integers(1, 8), st.integers(1, 8)))
 PLACE = st.floats(-4, 10)
@@ -24,27 +24,30 @@ def test_fading_equals_its_slow_twin(cells, x, y, theta, seed):
     rng = np.random.default_rng(seed)
     total = rng.normal(0.0, 2.0, (9, 11)).astype(np.float32)
     known = rng.random((9, 11)) < 0.7
-    faded, unseen = np.full_like(cells, 7), np.full_like(cells, 7)
+    faded, left = np.full_like(cells, 7), np.full_like(cells, 7)
     affine = _affine(x, y, theta)
 
-    counts = fade_submap(cells, affine, total, known, -0.8, 1.6, faded, unseen)
+    counts = fade_submap(cells, affine, total, known, -0.8, 1.6, -1.7, 3.4, faded, left)
 
-    expected = naive_fade(cells, affine, total, known, -0.8, 1.6)
+    expected = naive_fade(cells, affine, total, known, (-0.8, 1.6), (-1.7, 3.4))
     assert np.array_equal(faded, expected[0])
-    assert np.array_equal(unseen, expected[1])
+    assert np.array_equal(left, expected[1])
     assert counts == expected[2:]
 
 
 @settings(max_examples=50, deadline=None)
 @given(CELLS, CELLS, PLACE, PLACE, ANGLE)
-def test_copying_equals_its_slow_twin(source, cells, x, y, theta):
+def test_handing_over_equals_its_slow_twin(source, cells, x, y, theta):
     affine = _affine(x, y, theta)
-    filled = cells.copy()
+    filled, taken = cells.copy(), np.full_like(cells, 7)
+    sums = np.add.outer(np.arange(256), np.arange(256)).astype(np.uint8)
 
-    count = copy_unknown(affine, source, filled)
+    count = hand_over(affine, source, sums, filled, taken)
 
-    assert np.array_equal(filled, naive_copy(affine, source, cells))
-    assert count == np.count_nonzero(filled != cells)
+    expected = naive_hand_over(affine, source, sums, cells)
+    assert np.array_equal(filled, expected[0])
+    assert np.array_equal(taken, expected[1])
+    assert count == np.count_nonzero(taken)
 
 
 @settings(max_examples=50, deadline=None)

@@ -50,7 +50,9 @@ def history(request):
         new, new_poses = drive(number, rng)
         grids, poses = [*grids, *new], np.concatenate((poses, new_poses))
         sessions = np.concatenate((sessions, np.full(len(new), number)))
-        chosen = select(grids, poses, sessions, SUBMAPS, LifelongConfig())
+        chosen = select(
+            grids, poses, sessions, np.ones(len(grids), bool), SUBMAPS, LifelongConfig()
+        )
         grids = [grid for grid, kept in zip(chosen.grids, chosen.kept, strict=True) if kept]
         poses, sessions = poses[chosen.kept], sessions[chosen.kept]
         left.append((grids, poses))

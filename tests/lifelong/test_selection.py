@@ -21,10 +21,11 @@ def floor(first_x, end_x, *, walls=(), size=40):
     return FinishedGrid(cells, R / 2, R / 2, R)
 
 
-def selected(*grids, sessions=None, poses=None, **limits):
+def selected(*grids, sessions=None, poses=None, again=None, **limits):
     sessions = range(len(grids)) if sessions is None else sessions
     poses = np.zeros((len(grids), 3)) if poses is None else poses
-    return select(grids, poses, np.array(sessions), SUBMAPS, LifelongConfig(**limits))
+    again = np.ones(len(grids), bool) if again is None else np.array(again)
+    return select(grids, poses, np.array(sessions), again, SUBMAPS, LifelongConfig(**limits))
 
 
 def test_a_submap_that_was_seen_again_is_removed():
@@ -35,6 +36,12 @@ def test_a_submap_that_was_not_seen_again_stays():
     chosen = selected(floor(0, 40), floor(30, 70))
     assert chosen.kept.all()
     assert chosen.num_faded == 0
+
+
+def test_a_submap_that_was_only_looked_into_stays():
+    chosen = selected(floor(0, 40, walls=[(5, 10, 20)]), floor(0, 40), again=[False, True])
+    assert chosen.kept.all()
+    assert chosen.num_faded == 10
 
 
 def test_submaps_of_one_session_do_not_remove_each_other():
@@ -157,6 +164,31 @@ def test_a_glance_does_not_make_walls_fade():
     assert selected(floor(0, 70, walls=[(5, 2, 30)]), glance).num_faded == 0
 
 
+def test_a_glance_supersedes_nothing():
+    old = floor(0, 40, walls=[(5, 30, 38)])
+    cells = floor(0, 40).cells.copy()
+    cells[:, 20:] = np.where(cells[:, 20:] > 0, 120, 0)  # hardly free
+    chosen = selected(old, FinishedGrid(cells, R / 2, R / 2, R))
+    before = compose_map([old], np.zeros((1, 3)), SUBMAPS).probability
+    after = compose_map([chosen.grids[1]], np.zeros((1, 3)), SUBMAPS).probability
+    assert chosen.kept.tolist() == [False, True]
+    assert np.array_equal(after > 0.5, before > 0.5)
+    assert np.array_equal(after >= 0, before >= 0)
+    assert np.mean(after[(before >= 0) & (before < 0.196)] < 0.196) > 0.95
+
+
+def test_evidence_of_several_removed_submaps_adds_up():
+    weak = floor(0, 40)
+    cells = np.where(weak.cells > 0, 80, 0).astype(np.uint8)
+    glance = FinishedGrid(np.where(cells > 0, 125, 0).astype(np.uint8), R / 2, R / 2, R)
+    old = [FinishedGrid(cells, R / 2, R / 2, R) for _ in range(3)]
+    chosen = selected(*old, glance, sessions=[0, 0, 0, 1])
+    together = compose_map([*old, glance], np.zeros((4, 3)), SUBMAPS).probability
+    after = compose_map([chosen.grids[3]], np.zeros((1, 3)), SUBMAPS).probability
+    assert chosen.kept.tolist() == [False, False, False, True]
+    assert np.allclose(after, together, atol=0.01)
+
+
 def test_walls_that_nobody_saw_again_stay_on_the_map():
     old = floor(0, 70, walls=[(5, 60, 70)])
     chosen = selected(old, floor(0, 40), floor(0, 40), floor(0, 30))
@@ -166,6 +198,6 @@ def test_walls_that_nobody_saw_again_stay_on_the_map():
 
 
 def test_nothing_and_empty_grids_are_selected_from():
-    assert len(select([], np.zeros((0, 3)), np.zeros(0, int), SUBMAPS, LifelongConfig()).kept) == 0
+    assert len(selected().kept) == 0
     empty = FinishedGrid(np.zeros((0, 0), np.uint8), 0.0, 0.0, R)
     assert selected(empty, floor(0, 40), empty).kept[-1]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -183,3 +184,37 @@ def test_what_is_no_map_or_pose_is_refused(call):
 def test_what_is_no_event_is_refused(room):
     with pytest.raises(UsageError, match="event"):
         Localizer(room).add("scan")
+
+
+@pytest.mark.parametrize(
+    "pose", [(math.inf, 0.0, 0.0), (math.nan, 0.0, 0.0), (1e7, 0.0, 0.0), (1, 2)]
+)
+def test_an_impossible_pose_is_refused(room, pose):
+    with pytest.raises(UsageError, match="Localizer"):
+        Localizer(room, at=pose)
+    with pytest.raises(UsageError, match="set_pose"):
+        Localizer(room).set_pose(pose)
+    with pytest.raises(UsageError, match="start_near"):
+        Localizer(room).start_near(pose)
+
+
+def test_odometry_that_went_astray_does_no_harm(room):
+    localizer = Localizer(room)
+    localizer.start_near(START, Pose(-9e5, 0.0, 0.0))
+    far = [
+        replace(event, tf_odom_tracking=Pose(1e300, 0.0, 0.0))
+        if isinstance(event, cartoloop.Odometry)
+        else event
+        for event in events(ROOM, drive(START, 3))
+    ]
+
+    assert len(answers_to(localizer, far)) == 3
+
+
+def test_a_start_pose_that_does_not_fit_is_known(room):
+    localizer = Localizer(room, at=(500.0, 0.0, 0.0))
+    assert localizer.given_pose_fits is None
+
+    answers_to(localizer, events(ROOM, drive(START, 3)))
+
+    assert localizer.given_pose_fits is False

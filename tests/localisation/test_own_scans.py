@@ -27,6 +27,7 @@ class _OwnScans:
         self.node_points = [points(ROOM, pose) for pose in poses]
         self.graph = self
         self.node_poses = np.array(poses, dtype=np.float64)
+        self.node_parts = np.zeros(len(poses), dtype=np.int64)
 
 
 def poses_of(count):

@@ -136,6 +136,21 @@ def test_a_dropped_closure_is_not_dropped_again():
     assert len(one.edits) == 1
 
 
+@pytest.mark.parametrize("row", [-1, 10_000])
+def test_a_closure_outside_the_record_is_refused(row):
+    with pytest.raises(InputError, match="counted from 0"):
+        editor().drop_closures(row)
+
+
+def test_the_report_counts_the_scans_that_are_left():
+    one = editor()
+    before = one.map.report.input
+    one.forget_time(one.map.stamps[-1], one.map.stamps[-1])
+    after = one.map.report.input
+    assert after.scans == before.scans - 1
+    assert after.duration_s == pytest.approx(np.ptp(one.map.stamps))
+
+
 def test_the_first_pin_moves_the_whole_map():
     one = editor()
     before = one.map.graph.node_poses.copy()

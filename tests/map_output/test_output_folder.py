@@ -12,7 +12,7 @@ import pytest
 from cartoloop.errors import OutputError
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_file.write import map_bytes
-from cartoloop.map_output.output_folder import RunFolder, saved_map
+from cartoloop.map_output.output_folder import RunFolder, map_state, saved_map
 from cartoloop.map_output.save import save
 from cartoloop.report import InputSummary, Report
 from tests.map_output.small_result import small_result
@@ -95,6 +95,21 @@ def test_a_map_that_came_meanwhile_is_kept(tmp_path):
     saved(tmp_path, OTHER)
 
     assert run(tmp_path).place(finished=True) == tmp_path / "second"
+
+
+def test_a_base_that_was_edited_meanwhile_is_kept(tmp_path):
+    saved(tmp_path)
+    adding = replace(run(tmp_path), adds=True, added_to=map_state(tmp_path))
+    adding.check()
+    assert adding.place(finished=True) == tmp_path
+
+    saved(tmp_path, name="edited.log")
+
+    assert adding.place(finished=True) == tmp_path / "second"
+    assert "changed by another program" in adding.why(tmp_path / "second")
+    adding.check_base(tmp_path / "second")
+    with pytest.raises(OutputError, match="changed by another program"):
+        adding.check_base(tmp_path)
 
 
 def test_a_live_map_without_a_report_is_known(tmp_path):

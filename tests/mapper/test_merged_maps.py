@@ -12,6 +12,7 @@ import cartoloop
 from cartoloop import Mapper, UsageError
 from cartoloop.evaluation.trajectories import absolute_trajectory_error
 from cartoloop.global_slam.closure_status import Status
+from cartoloop.localisation.known_map import known_map_of
 from cartoloop.map_output.main_part import main_scans, main_submaps
 from cartoloop.result import load_map
 from cartoloop.sensor.events import LaserScan
@@ -141,6 +142,12 @@ def test_only_the_main_part_is_drawn(strangers, maps, tmp_path):
     strangers.save(tmp_path)
     lines = (tmp_path / "trajectory.tum").read_text().splitlines()
     assert len(lines) == 1 + len(maps[0].stamps)
+
+
+def test_a_robot_is_located_in_the_main_part_only(strangers, maps):
+    ours, alone = known_map_of(strangers), known_map_of(maps[0])
+    assert np.abs(np.subtract(ours.grid.shape, alone.grid.shape)).max() <= 2
+    assert ours.usual.agreement == pytest.approx(alone.usual.agreement, abs=0.01)
 
 
 def test_parts_apart_are_in_the_file(strangers, tmp_path):

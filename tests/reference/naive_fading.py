@@ -20,35 +20,44 @@ def _is_inside(place, array):
     return all(0 <= number < size for number, size in zip(place, array.shape, strict=True))
 
 
-def naive_fade(cells, affine, total, known, free_below, wall_above):
-    """Return the cells that are left, those that were not seen later, and both counts."""
-    faded, unseen = cells.copy(), np.zeros_like(cells)
+def naive_fade(cells, affine, total, known, limits, sure):
+    """Return the cells that stay, those of which evidence is needed, and both counts.
+
+    `limits` are log-odds up to which cells are free, from which walls; with `sure` surely.
+    """
+    faded, left = cells.copy(), np.zeros_like(cells)
     observed = covered = 0
+    is_sure = (total <= sure[0]) | (total >= sure[1])
     for (row, col), value in np.ndenumerate(cells):
         if value == 0:
             continue
         observed += 1
+        left[row, col] = value
         place = _place(affine, row, col)
         if not (_is_inside(place, known) and known[place]):
-            unseen[row, col] = value
             continue
         covered += 1
         is_wall, is_free = value > 128, value < 128
-        if is_wall and total[place] <= free_below:
+        is_faded = (is_wall and total[place] <= limits[0]) or (
+            is_free and total[place] >= limits[1]
+        )
+        around = tuple(slice(max(number - 1, 0), number + 2) for number in place)
+        if is_faded:
             faded[row, col] = 0
-        if is_free and total[place] >= wall_above:
-            faded[row, col] = 0
-    return faded, unseen, observed, covered
+        if is_faded or is_sure[around].any():
+            left[row, col] = 0
+    return faded, left, observed, covered
 
 
-def naive_copy(affine, source, cells):
-    """Return the cells with what they lacked."""
-    filled = cells.copy()
+def naive_hand_over(affine, source, sums, cells):
+    """Return the cells with the evidence of others, and what was added."""
+    filled, taken = cells.copy(), np.zeros_like(cells)
     for (row, col), value in np.ndenumerate(cells):
         place = _place(affine, row, col)
-        if value == 0 and _is_inside(place, source) and source[place] != 0:
-            filled[row, col] = source[place]
-    return filled
+        if _is_inside(place, source) and source[place] != 0:
+            filled[row, col] = sums[value, source[place]]
+            taken[row, col] = source[place]
+    return filled, taken
 
 
 def naive_clear(affine, shape, cells):

@@ -55,6 +55,21 @@ def edits_of(page):
     return page.json[MessageType.EDITS]
 
 
+def test_closures_are_dropped_where_scans_are_forgotten(folder, result):
+    stamps = result.stamps
+    with cartoloop.edit(folder) as editor:
+        editor.forget_time(stamps[len(stamps) // 2], stamps[len(stamps) // 2 + 5])
+    editor = cartoloop.edit(folder)
+    server = serve_result(editor.map, "ring", port=0, editor=editor)
+    with ExitStack() as stack:
+        stack.callback(server.close)
+        connection = stack.enter_context(join(server.url))
+        page = look(connection)
+        submap, node = closure_of(editor.map)
+        _, answer = ask(connection, page, type="drop_closure", id=1, submap=submap, node=node)
+    assert "drop closure" in answer["text"]
+
+
 def test_a_closure_is_dropped_and_that_is_undone(edited, folder, result):
     _, ((connection, page), (other, other_page)) = edited
     submap, node = closure_of(result)

@@ -158,6 +158,8 @@ def locate_command(options: LocateOptions) -> None:
             keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
             view = closing.enter_context(open_view(options, localizer, log, is_quiet=is_quiet))
             run = _Run(RunSummary(), keeper, poses, view, is_quiet=is_quiet)
+            if start is not None:
+                run.watch_start(localizer)
             if log is None:
                 _locate_source(options, localizer, run, stop)
             else:
@@ -217,6 +219,11 @@ class _Run:
         self._keeper = keeper
         self._is_quiet = is_quiet
         self._state = ""
+        self._starting: Localizer | None = None
+
+    def watch_start(self, localizer: Localizer) -> None:
+        """Say if the first scan does not fit at the pose that was given."""
+        self._starting = localizer
 
     def say(self, line: str) -> None:
         """Print a line, to standard error where standard output is for poses."""
@@ -227,6 +234,10 @@ class _Run:
         self.summary.add(answer)
         if self._keeper is not None:
             self._keeper.add(answer)
+        if self._starting is not None and self._starting.given_pose_fits is not None:
+            if not self._starting.given_pose_fits:
+                self.say("--at: the scan does not fit there; the whole map is searched")
+            self._starting = None
         if answer.state != self._state:
             self._state = answer.state
             self.say(change(answer))

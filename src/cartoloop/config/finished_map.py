@@ -97,17 +97,24 @@ class LifelongConfig(Section):
         le=1,
         description="a submap is removed if later sessions have seen this share of its cells",
     )
+    revisit_distance: float = Field(
+        3.0,
+        gt=0,
+        description="and if half of its nodes have a node of a later session within this distance, "
+        "so that it was not only seen from afar [m]",
+    )
     max_lost_wall: float = Field(
         0.5,
         ge=0,
         description="and if at most so much wall lies outside the grids of later submaps, where it "
         "cannot be copied to [m]",
     )
+    max_lost_floor: float = Field(1.0, ge=0, description="the same of free floor [m^2]")
     max_growth: float = Field(
         1.0,
         ge=0,
         le=100,
-        description="by which the grids of later submaps grow on each side to take walls just "
+        description="by which the grids of later submaps grow on each side to take what is just "
         "outside, as the far sides of outer walls [m]",
     )
     min_certainty: float = Field(

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Old submaps against what was seen later: what contradicts it fades, the rest is copied."""
+"""Old submaps against what was seen later: what contradicts it fades, the rest is handed over."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop._jit import kernel
+from cartoloop._jit import borrowing_kernel, kernel
 from cartoloop.arrays import BoolArray, ByteArray, FloatArray
 from cartoloop.kernels.map_composition import NEUTRAL
 
@@ -19,8 +19,10 @@ def fade_submap(
     known: BoolArray,
     free_below: float,
     wall_above: float,
+    sure_free: float,
+    sure_wall: float,
     out_faded: ByteArray,
-    out_unseen: ByteArray,
+    out_left: ByteArray,
 ) -> tuple[int, int]:
     """Compare a submap with a map of what was seen later.
 
@@ -32,9 +34,10 @@ def fade_submap(
     total : float32, shape (map rows, map cols), log-odds of what was seen later.
     known : bool, same shape, whether anything was.
     free_below, wall_above : log-odds up to which a map cell is free, from which it is a wall.
+    sure_free, sure_wall : log-odds up to which, and from which, the map needs no more evidence.
     out_faded : uint8, as cells: 0 for walls where the map is free, and for free cells where there
         is a wall; others are copied.
-    out_unseen : uint8, as cells: those that the map does not know are copied, 0 for others.
+    out_left : uint8, as cells: those of which the map needs the evidence are copied, 0 for others.
 
     Returns
     -------
@@ -42,7 +45,8 @@ def fade_submap(
 
     Notes
     -----
-    O(cells).
+    The map needs no evidence of cells that it is sure about, and of their neighbours: it is never
+    sure beside walls. O(cells).
     """
     num_rows, num_cols = cells.shape
     observed = 0
@@ -51,7 +55,7 @@ def fade_submap(
         for col in range(num_cols):
             value = cells[row, col]
             out_faded[row, col] = value
-            out_unseen[row, col] = 0
+            out_left[row, col] = 0
             if value == 0:
                 continue
             observed += 1
@@ -59,50 +63,74 @@ def fade_submap(
             map_row = int(np.floor(affine[3] + affine[4] * col + affine[5] * row))
             inside = 0 <= map_row < known.shape[0] and 0 <= map_col < known.shape[1]
             if not inside or not known[map_row, map_col]:
-                out_unseen[row, col] = value
+                out_left[row, col] = value
                 continue
             covered += 1
+            if not _is_sure_near(total, map_row, map_col, sure_free, sure_wall):
+                out_left[row, col] = value
             log_odds = total[map_row, map_col]
             if (value > NEUTRAL and log_odds <= free_below) or (
                 value < NEUTRAL and log_odds >= wall_above
             ):
                 out_faded[row, col] = 0
+                out_left[row, col] = 0
     return observed, covered
 
 
+@borrowing_kernel
+def _is_sure_near(
+    total: NDArray[np.float32], row: int, col: int, sure_free: float, sure_wall: float
+) -> bool:
+    """Return whether a map is sure about a cell or one of its eight neighbours."""
+    for near_row in range(max(row - 1, 0), min(row + 2, total.shape[0])):
+        for near_col in range(max(col - 1, 0), min(col + 2, total.shape[1])):
+            log_odds = total[near_row, near_col]
+            if log_odds <= sure_free or log_odds >= sure_wall:
+                return True
+    return False
+
+
 @kernel
-def copy_unknown(affine: FloatArray, source: ByteArray, out_cells: ByteArray) -> int:
-    """Copy the cells of a submap into the unknown cells of another, in place.
+def hand_over(
+    affine: FloatArray,
+    source: ByteArray,
+    sums: ByteArray,
+    out_cells: ByteArray,
+    out_taken: ByteArray,
+) -> int:
+    """Add the evidence in the cells of a submap to that in the cells of another, in place.
 
     Parameters
     ----------
     affine : float64, shape (6,), as of :func:`fade_submap`, from cells of the target to cells of
         the source.
-    source : uint8, shape (rows, cols), 0 where there is nothing to copy.
+    source : uint8, shape (rows, cols), 0 where there is nothing to add.
+    sums : uint8, shape (256, 256), value of a cell with the evidence of two values.
     out_cells : uint8, the cells of the target.
+    out_taken : uint8, same shape: the values that were added, 0 where none was.
 
     Returns
     -------
-    number of cells of the target that were set.
+    number of cells of the target to which evidence was added.
 
     Notes
     -----
     O(cells of the target).
     """
-    num_set = 0
+    num_taken = 0
     for row in range(out_cells.shape[0]):
         for col in range(out_cells.shape[1]):
-            if out_cells[row, col] != 0:
-                continue
+            out_taken[row, col] = 0
             from_col = int(np.floor(affine[0] + affine[1] * col + affine[2] * row))
             from_row = int(np.floor(affine[3] + affine[4] * col + affine[5] * row))
             if not (0 <= from_row < source.shape[0] and 0 <= from_col < source.shape[1]):
                 continue
             value = source[from_row, from_col]
             if value != 0:
-                out_cells[row, col] = value
-                num_set += 1
-    return num_set
+                out_cells[row, col] = sums[out_cells[row, col], value]
+                out_taken[row, col] = value
+                num_taken += 1
+    return num_taken
 
 
 @kernel

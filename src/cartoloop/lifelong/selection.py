@@ -9,17 +9,22 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from cartoloop.config import LifelongConfig, SubmapConfig
-from cartoloop.kernels.fading import clear_inside, copy_unknown, fade_submap
+from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over
 from cartoloop.kernels.map_composition import NEUTRAL
-from cartoloop.map_output.evidence_sum import EvidenceSum, cells_covering
+from cartoloop.map_output.evidence_sum import EvidenceSum, cell_log_odds, cells_covering
 from cartoloop.sensor.pose import Pose, relative
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 MAX_RECEIVERS = 16
-"""What only a removed submap has seen is copied to this many of the nearest later submaps."""
+"""What a removed submap knows better is handed over to this many of the nearest later submaps."""
+
+SURE = 0.82
+"""Probability that a cell is free, or a wall, from which no more evidence is needed: it is drawn as
+such."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +34,7 @@ class Selection:
     Attributes
     ----------
     kept : bool, shape (num_submaps,).
-    grids : of all submaps, faded, and with what was copied from those that are removed.
+    grids : of all submaps, faded, and with what those that are removed have handed over.
     num_faded : cells that faded in submaps that stay.
     """
 
@@ -42,27 +47,31 @@ def select(
     grids: Sequence[FinishedGrid],
     poses: FloatArray,
     sessions: IntArray,
+    is_driven_again: BoolArray,
     submaps: SubmapConfig,
     config: LifelongConfig,
 ) -> Selection:
     """Return which submaps stay, and the grids of all.
 
     Sessions are compared from the newest back, each with what later ones have seen: walls where a
-    later session has seen floor fade, and so does floor where one has seen walls. A submap of
-    which almost all was seen later is removed; what was not is copied to later submaps.
+    later session has seen floor fade, and so does floor where one has seen walls. A submap that
+    was driven through again, and of which almost all was seen, is removed. What later sessions have
+    not seen, or had a glance at only, as with a few beams from afar, is handed over to their
+    submaps.
 
     Parameters
     ----------
     grids : of the submaps.
     poses : float64, shape (m, 3), tf_map_submap of each.
     sessions : int64, shape (m,), of each, ascending; those of the last stay as they are.
+    is_driven_again : bool, shape (m,), whether later sessions drove through each; others stay.
     submaps : resolution, and what a hit and a miss weigh.
     config : limits.
     """
     selector = _Selector(grids, poses, submaps, config)
     if len(grids):
         for session in range(int(sessions[-1]), int(sessions[0]) - 1, -1):
-            selector.add(np.flatnonzero(sessions == session))
+            selector.add(np.flatnonzero(sessions == session), is_driven_again)
     return Selection(selector.kept, selector.grids, selector.num_faded)
 
 
@@ -72,13 +81,14 @@ class _Compared(NamedTuple):
     Attributes
     ----------
     observed, covered : number of cells that it has seen, and of those that were seen later.
-    faded, unseen : its cells without what was contradicted, and those that were not seen later.
+    faded, left : its cells without what was contradicted, and those about which later sessions are
+        not sure.
     """
 
     observed: int
     covered: int
     faded: ByteArray
-    unseen: ByteArray
+    left: ByteArray
 
 
 class _Selector:
@@ -96,12 +106,17 @@ class _Selector:
         self.num_faded = 0
         self._poses = [Pose(*pose) for pose in poses.tolist()]
         self._min_covered_share = config.min_covered_share
-        self._max_lost_cells = config.max_lost_wall / submaps.resolution
+        self._max_lost_wall_cells = config.max_lost_wall / submaps.resolution
         self._max_growth_cells = math.ceil(config.max_growth / submaps.resolution)
         odds = math.log(config.min_certainty / (1.0 - config.min_certainty))
         hit = math.log(submaps.hit_probability / (1.0 - submaps.hit_probability))
         miss = math.log((1.0 - submaps.miss_probability) / submaps.miss_probability)
-        self._free_below, self._wall_above = -odds, odds * max(1.0, hit / miss)
+        wall_weight = max(1.0, hit / miss)
+        self._free_below, self._wall_above = -odds, odds * wall_weight
+        sure = math.log(SURE / (1.0 - SURE))
+        self._sure_free, self._sure_wall = -sure, sure * wall_weight
+        self._sums = _sums_of_evidence(cell_log_odds(submaps))
+        self._max_lost_floor_cells = config.max_lost_floor / submaps.resolution**2
         self._later: list[int] = []
         seen = [pair for pair in zip(grids, self._poses, strict=True) if pair[0].size]
         place = (
@@ -109,16 +124,17 @@ class _Selector:
         )
         self._evidence = EvidenceSum(*place, submaps)
 
-    def add(self, submaps: IntArray) -> None:
+    def add(self, submaps: IntArray, may_go: BoolArray) -> None:
         """Decide about the submaps of the session before those added so far."""
-        waiting = submaps[::-1].tolist() if self._later else []
+        older = submaps[::-1] if self._later else submaps[:0]
+        waiting = older[may_go[older]].tolist()
         is_final = False
         while not is_final:
-            # What one of them has passed on may be all that another one was needed for.
+            # What one of them has handed over may be all that another one was needed for.
             removed = {index for index in waiting if self._is_superseded(index)}
             is_final = not removed
             waiting = [index for index in waiting if index not in removed]
-        for index in waiting:
+        for index in older[self.kept[older]].tolist():
             self._fade(index)
         stay = submaps[self.kept[submaps]].tolist()
         for index in stay:
@@ -127,11 +143,11 @@ class _Selector:
         self._later += stay
 
     def _is_superseded(self, index: int) -> bool:
-        """Return whether a submap is not needed any more; if so, pass on what only it has seen."""
+        """Return whether a submap is not needed any more; if so, hand over what it knows better."""
         compared = self._compared(index)
         enough = self._min_covered_share * compared.observed
-        if compared.covered < enough or not self._copy_rest(
-            self.grids[index], self._poses[index], compared.unseen
+        if compared.covered < enough or not self._hand_over(
+            self.grids[index], self._poses[index], compared.left
         ):
             return False
         self.kept[index] = False
@@ -149,7 +165,7 @@ class _Selector:
         """Compare a submap with what is known by later sessions."""
         grid, pose = self.grids[index], self._poses[index]
         cells = grid.cells
-        faded, unseen = np.empty_like(cells), np.empty_like(cells)
+        faded, left = np.empty_like(cells), np.empty_like(cells)
         observed, covered = fade_submap(
             cells,
             _cell_to_cell(grid, pose, self._evidence.lower, self._evidence.resolution),
@@ -157,32 +173,37 @@ class _Selector:
             self._evidence.known,
             self._free_below,
             self._wall_above,
+            self._sure_free,
+            self._sure_wall,
             faded,
-            unseen,
+            left,
         )
-        return _Compared(observed, covered, faded, unseen)
+        return _Compared(observed, covered, faded, left)
 
-    def _copy_rest(self, grid: FinishedGrid, pose: Pose, unseen: ByteArray) -> bool:
-        """Copy cells that were not seen later to later submaps; return whether no wall is lost."""
-        copies: dict[int, FinishedGrid] = {}
+    def _hand_over(self, grid: FinishedGrid, pose: Pose, left: ByteArray) -> bool:
+        """Add the evidence in some cells to later submaps; return whether nothing is lost."""
+        changed: dict[int, FinishedGrid] = {}
         additions: list[tuple[FinishedGrid, Pose]] = []
-        left, receivers = unseen.copy(), self._nearest(pose)
+        left, receivers = left.copy(), self._nearest(pose)
         for growth in (0, self._max_growth_cells):
             for receiver in receivers:
-                if not (left if growth == 0 else left > NEUTRAL).any():
+                if not left.any():
                     break
-                before = _grown(copies.get(receiver, self.grids[receiver]), growth)
+                before = _grown(changed.get(receiver, self.grids[receiver]), growth)
                 cells, target_pose = before.cells.copy(), self._poses[receiver]
-                affine = _grid_to_grid(before, target_pose, grid, pose)
-                if copy_unknown(affine, left, cells):
+                affine, taken = _grid_to_grid(before, target_pose, grid, pose), np.empty_like(cells)
+                if hand_over(affine, left, self._sums, cells, taken):
                     after = _like(before, cells)
-                    copies[receiver] = _cropped(after) if growth else after
-                    new = np.where(before.cells == 0, cells, 0)
-                    additions.append((_like(before, new), target_pose))
+                    changed[receiver] = _cropped(after) if growth else after
+                    additions.append((_like(before, taken), target_pose))
                 clear_inside(_grid_to_grid(grid, pose, before, target_pose), *before.shape, left)
-        if np.count_nonzero(left > NEUTRAL) > self._max_lost_cells:
+        num_walls = np.count_nonzero(left > NEUTRAL)
+        if (
+            num_walls > self._max_lost_wall_cells
+            or np.count_nonzero(left) - num_walls > self._max_lost_floor_cells
+        ):
             return False
-        self.grids = [copies.get(index, old) for index, old in enumerate(self.grids)]
+        self.grids = [changed.get(index, old) for index, old in enumerate(self.grids)]
         for addition in additions:
             self._evidence.add(*addition)
         return True
@@ -195,6 +216,22 @@ class _Selector:
             if self.grids[other].size
         }
         return sorted(apart, key=lambda other: (apart[other], other))[:MAX_RECEIVERS]
+
+
+def _sums_of_evidence(log_odds: NDArray[np.float32]) -> ByteArray:
+    """Return the value of a cell with the evidence of two, uint8, shape (256, 256).
+
+    Parameters
+    ----------
+    log_odds : shape (256,), of each value.
+    """
+    known = log_odds[1:].astype(np.float64)
+    middles = 0.5 * (known[1:] + known[:-1])
+    values = np.arange(256)
+    evidence = log_odds.astype(np.float64)
+    sums = np.searchsorted(middles, evidence[:, np.newaxis] + evidence) + 1
+    sums[0], sums[:, 0] = values, values
+    return sums.astype(np.uint8)
 
 
 def _distance_to_middle(grid: FinishedGrid, place: Pose) -> float:

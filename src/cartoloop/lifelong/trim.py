@@ -12,8 +12,9 @@ from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, graph_probl
 from cartoloop.lifelong.links import replacements
 from cartoloop.lifelong.marginal import host_submaps
 from cartoloop.lifelong.renumbering import AnyMap, without
+from cartoloop.lifelong.revisits import driven_again
 from cartoloop.lifelong.selection import Selection, select
-from cartoloop.map_data import MapData
+from cartoloop.map_data import MapData, input_left
 from cartoloop.pose_adjustment import loss_weights, residuals
 from cartoloop.report import summarize_constraints
 from cartoloop.session import session_numbers
@@ -37,7 +38,7 @@ def trimmed(result: AnyMap) -> AnyMap:
     kept_nodes = (host_submaps(graph, chosen.kept) >= 0) | (
         host_submaps(graph, np.ones(graph.num_submaps, dtype=bool)) < 0
     )
-    before = _sizes(result)
+    original, before = result, _sizes(result)
     result = replace(result, submap_grids=chosen.grids)
     if not chosen.kept.all():
         links = replacements(
@@ -45,10 +46,9 @@ def trimmed(result: AnyMap) -> AnyMap:
         )
         result = without(result, chosen.kept, kept_nodes, links)
     removed = {f"removed_{name}": before[name] - size for name, size in _sizes(result).items()}
-    scans = result.report.input.scans - removed["removed_scans"]
     report = replace(
         result.report,
-        input=replace(result.report.input, scans=scans),
+        input=input_left(original, result),
         nodes=result.graph.num_nodes,
         submaps=result.graph.num_submaps,
         constraints=summarize_constraints(result.graph, result.closures),
@@ -62,6 +62,13 @@ def _selection(result: MapData) -> Selection | None:
     firsts = [session.first_submap for session in result.sessions]
     sessions = session_numbers(firsts, result.graph.num_submaps)
     parts = result.submap_parts
+    is_driven_again = driven_again(
+        result.graph,
+        [session.first_node for session in result.sessions],
+        sessions,
+        result.node_parts,
+        result.config.lifelong.revisit_distance,
+    )
     kept = np.ones(len(sessions), dtype=bool)
     grids, num_faded, is_any = list(result.submap_grids), 0, False
     for part in np.unique(parts):
@@ -72,6 +79,7 @@ def _selection(result: MapData) -> Selection | None:
             [grids[submap] for submap in own],
             result.graph.submap_poses[own],
             sessions[own],
+            is_driven_again[own],
             result.config.local_slam.submaps,
             result.config.lifelong,
         )

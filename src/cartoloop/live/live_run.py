@@ -25,7 +25,7 @@ from cartoloop.live.source import Source
 from cartoloop.live.warm_up import get_ready
 from cartoloop.map_data import MapData
 from cartoloop.map_file.run_header import BaseOfRun, RunHeader
-from cartoloop.map_output.output_folder import RunFolder, prepare_folder
+from cartoloop.map_output.output_folder import RunFolder, map_state, prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
 from cartoloop.mapper import Mapper
 from cartoloop.result import Result
@@ -112,11 +112,14 @@ def map_live(
     start = time.perf_counter()
     options, observer = options or LiveOptions(), observer or LiveObserver()
     stop = stop or StopRequest()
+    adds = is_same_folder(onto, out)
+    added_to = map_state(out) if adds else None
     base = None if onto is None else map_to_add_to(onto, out, observer.say)
     loaded = _loaded(config, base, lifelong=lifelong)
     # No drive is the same as another.
-    adds = is_same_folder(onto, out)
-    folder = RunFolder(out, source.name, token_hex(8), overwrite, adds_for_good=adds)
+    folder = RunFolder(
+        out, source.name, token_hex(8), overwrite, adds_for_good=adds, added_to=added_to
+    )
     folder.check()
     start_pose = last_pose(base) if options.starts_at_end and base else options.start
     about = None

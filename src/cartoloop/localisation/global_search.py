@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cartoloop.arguments import MAX_COORDINATE_M
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LeastSquaresMatcherConfig
 from cartoloop.localisation.fit import Fit
@@ -121,9 +122,13 @@ def find_near(
     points : float64, shape (n, 2), frame of the robot [m].
     linear_window, angular_window : to each side of the pose [m], [rad].
     """
+    # Odometry that has gone astray may lead anywhere.
+    centre = known.to_grid(tf_map_tracking)
+    if not max(abs(centre.x), abs(centre.y)) <= MAX_COORDINATE_M:
+        return None
     found = known.matcher.match(
         points,
-        known.to_grid(tf_map_tracking),
+        centre,
         linear_window=linear_window,
         angular_window=angular_window,
         min_score=min_score,

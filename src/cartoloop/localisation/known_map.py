@@ -18,6 +18,7 @@ from cartoloop.localisation.fit import Fit, FitJudge
 from cartoloop.localisation.own_scans import learn_from_own_scans
 from cartoloop.map_data import MapData
 from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.map_output.main_part import main_submaps
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.pairs import WALL
 from cartoloop.result import load_map
@@ -191,16 +192,14 @@ class KnownMap:
 
 
 def known_map_of(data: MapData, name: str = "the map") -> KnownMap:
-    """Return a map of ours for localisation; its usual fit is that of its own scans.
+    """Return a map of ours for localisation: its main part; its usual fit is that of its own scans.
 
     Raises
     ------
     InputError
         The map is empty, or too large.
     """
-    composed = compose_map(
-        data.submap_grids, data.graph.submap_poses, data.config.local_slam.submaps
-    )
+    composed = compose_map(*main_submaps(data), data.config.local_slam.submaps)
     resolution = composed.resolution
     known = KnownMap(
         _quantized(composed.probability),

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cartoloop.arguments import as_numbers
+from cartoloop.arguments import as_pose
 from cartoloop.errors import InputError, UsageError
 from cartoloop.localisation.answer import Answer
 from cartoloop.map_output.unfinished_file import unfinished_file
@@ -99,8 +99,10 @@ def read_pose_file(path: Path) -> KeptPose | None:
         if not isinstance(content, dict) or content.get("type") != POSE_FILE_TYPE:
             raise ValueError
         return KeptPose(
-            _pose(content["map"]),
-            None if content.get("odometry") is None else _pose(content["odometry"]),
+            Pose(*as_pose(content["map"], "a pose")),
+            None
+            if content.get("odometry") is None
+            else Pose(*as_pose(content["odometry"], "a pose")),
         )
     except FileNotFoundError:
         return None
@@ -111,13 +113,6 @@ def read_pose_file(path: Path) -> KeptPose | None:
             f"{path}: is no pose that 'cartoloop locate --keep' wrote; remove it, or give another "
             "name"
         ) from error
-
-
-def _pose(values: object) -> Pose:
-    numbers = as_numbers(values, "a pose", 3)
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError
-    return Pose(*numbers)
 
 
 def _rounded(pose: Sequence[float]) -> list[float]:

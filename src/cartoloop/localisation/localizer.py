@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from os import PathLike
 
-from cartoloop.arguments import as_numbers, as_path, require_type
+from cartoloop.arguments import as_path, as_pose, require_type
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import UsageError
@@ -83,7 +83,7 @@ class Localizer:
         self._num_located = self._num_scans = 0
         self._answer: Answer | None = None
         if at is not None:
-            self._locating.start = StartPose(Pose(*as_numbers(at, "Localizer: at", 3)), True)
+            self._locating.start = StartPose(Pose(*as_pose(at, "Localizer: at")), True)
 
     @property
     def known_map(self) -> KnownMap:
@@ -141,19 +141,24 @@ class Localizer:
         tf_odom_tracking : the odometry's pose then. Where it has continued, the robot's motion
             since then is known; it is also tried as if it had not moved.
         """
-        self._locating.start = StartPose(tf_map_tracking, False, tf_odom_tracking)
+        pose = Pose(*as_pose(tf_map_tracking, "Localizer.start_near: tf_map_tracking"))
+        if tf_odom_tracking is not None:
+            tf_odom_tracking = Pose(
+                *as_pose(tf_odom_tracking, "Localizer.start_near: tf_odom_tracking")
+            )
+        self._locating.start = StartPose(pose, False, tf_odom_tracking)
 
     def set_pose(self, tf_map_tracking: Pose | tuple[float, float, float]) -> None:
         """Begin again near a pose that a user gives if the next scan fits there.
 
         Otherwise nothing changes; `given_pose_fits` says which.
         """
-        pose = Pose(*as_numbers(tf_map_tracking, "Localizer.set_pose: tf_map_tracking", 3))
+        pose = Pose(*as_pose(tf_map_tracking, "Localizer.set_pose: tf_map_tracking"))
         self._locating.give(StartPose(pose, True))
 
     @property
     def given_pose_fits(self) -> bool | None:
-        """Whether the scan fitted at the pose of `set_pose`; None while it was not tried."""
+        """Whether a scan fitted at the pose of `at` or `set_pose`; None while it was not tried."""
         return self._locating.given_fits
 
     @property

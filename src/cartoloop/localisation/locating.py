@@ -123,6 +123,8 @@ class Locating:
         start, self.start = self.start, None
         if start is not None:
             claim = self._claim_at(start, tf_odom_tracking)
+            if start.is_certain:
+                self.given_fits = claim is not None
             if claim is not None:
                 self._believe(claim, scan, is_given=start.is_certain)
                 return

@@ -15,6 +15,7 @@ import numpy as np
 from cartoloop.arrays import IntArray
 from cartoloop.localisation.fit import Fit, FitJudge
 from cartoloop.map_data import MapData
+from cartoloop.map_output.main_part import main_nodes
 from cartoloop.sensor.scan_points import ScanPoints
 
 NUM_LEARNT_SCANS = 3000
@@ -59,8 +60,8 @@ def learn_from_own_scans(judge: FitJudge, data: MapData) -> OwnFits | None:
     ----------
     judge : of the map, whose grid lies in the map frame.
     """
-    num_nodes = len(data.node_points)
-    learnt = np.arange(0, num_nodes, num_nodes // NUM_LEARNT_SCANS + 1)
+    nodes = main_nodes(data)[: len(data.node_points)]
+    learnt = nodes[:: len(nodes) // NUM_LEARNT_SCANS + 1]
     is_second = (np.arange(len(learnt)) // STRETCH) % 2 == 1
     halves = (learnt[~is_second], learnt[is_second])
     passes = [_passes(judge, data, half) for half in halves]

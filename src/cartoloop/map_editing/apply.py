@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
-from cartoloop.global_slam.trajectory import path_length
-from cartoloop.map_data import Edit, MapData
+from cartoloop.map_data import MapData, input_left
 from cartoloop.map_editing.arguments import (
     Add,
     Align,
@@ -41,7 +39,6 @@ from cartoloop.map_editing.working_map import WorkingMap
 from cartoloop.quality.verdict import Quality
 from cartoloop.report import Report, summarize_constraints
 from cartoloop.sensor.pose import IDENTITY, Pose
-from cartoloop.session import ranges
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 AnyMap = TypeVar("AnyMap", bound=MapData)
@@ -153,23 +150,22 @@ def _finished(
         sessions=sessions,
         original=original,
     )
-    report = _report(changed, original.edits, quality)
+    report = _report(original, changed, quality)
     changed = replace(changed, report=report)
     return Applied(changed, kept, working.tf_map_original, begins, fits)
 
 
-def _report(edited: MapData, edits: Sequence[Edit], quality: Quality | None) -> Report:
+def _report(original: MapData, edited: MapData, quality: Quality | None) -> Report:
     report, graph = edited.report, edited.graph
-    scans = ranges([session.first_scan for session in edited.sessions], len(edited.stamps))
-    path = sum(path_length(edited.trajectory[some]) for some in scans)
+    edits = [described(edit) for edit in original.edits if not edit.is_undone]
     return replace(
         report,
-        input=replace(report.input, path_length_m=path),
+        input=input_left(original, edited),
         nodes=graph.num_nodes,
         submaps=graph.num_submaps,
         constraints=summarize_constraints(graph, edited.closures),
         quality=quality or Quality(),
-        extra=report.extra | {"edits": [described(edit) for edit in edits if not edit.is_undone]},
+        extra=report.extra | {"edits": edits},
     )
 
 

@@ -14,6 +14,7 @@ from cartoloop.global_slam.graph_adjustment import AdjustmentRun
 from cartoloop.map_data import MapData
 from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.map_output.output_folder import map_state
 from cartoloop.map_output.save import save
 from cartoloop.report import AdjustmentSummary, Report
 from cartoloop.runtime.stage_timer import StageSummary
@@ -48,7 +49,7 @@ class EditedFolder:
             raise InputError(
                 f"{folder}: has no {FILE_NAME}; give a folder that 'cartoloop map' wrote"
             )
-        return cls(folder, _state(folder))
+        return cls(folder, map_state(folder))
 
     def write(self, edited: MapData) -> Report:
         """Replace all files of the map, and return the report as written.
@@ -58,10 +59,7 @@ class EditedFolder:
         OutputError
             Another program has changed the map since it was opened, or a file cannot be written.
         """
-        if _state(self.path) != self.state:
-            raise OutputError(
-                f"{self.path}: was changed by another program meanwhile; edit it again"
-            )
+        self._require_unchanged()
         before = _report_before(self.path / "report.json")
         try:
             config = (self.path / "config.toml").read_text(encoding="utf-8")
@@ -70,20 +68,22 @@ class EditedFolder:
         report = save(
             edited,
             self.path,
-            complete_report=lambda report: _with_times(report, before),
+            complete_report=lambda report: self._completed(report, before),
             config_text=config,
         )
-        self.state = _state(self.path)
+        self.state = map_state(self.path)
         return report
 
+    def _completed(self, report: Report, before: dict[str, Any]) -> Report:
+        # Now no other program can replace the files, but one may have done so since.
+        self._require_unchanged()
+        return _with_times(report, before)
 
-def _state(folder: Path) -> tuple[int, int, int]:
-    """Return what distinguishes one version of a map file from another."""
-    try:
-        status = (folder / FILE_NAME).stat()
-    except OSError:
-        return (0, 0, 0)
-    return status.st_ino, status.st_size, status.st_mtime_ns
+    def _require_unchanged(self) -> None:
+        if map_state(self.path) != self.state:
+            raise OutputError(
+                f"{self.path}: was changed by another program meanwhile; edit it again"
+            )
 
 
 def _report_before(path: Path) -> dict[str, Any]:

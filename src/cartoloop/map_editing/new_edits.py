@@ -3,13 +3,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Generic
 
 import numpy as np
 
-from cartoloop.arguments import as_array, as_number, as_numbers, shown
+from cartoloop.arguments import (
+    MAX_COORDINATE_M,
+    as_array,
+    as_number,
+    as_numbers,
+    as_pose,
+    shown,
+)
 from cartoloop.errors import InputError, UsageError
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.map_editing.apply import AnyMap, Applied
@@ -33,9 +39,6 @@ from cartoloop.plain_text import one_line
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 from cartoloop.session import MAIN_PART, ranges
 
-_MAX_COORDINATE = 1e6
-"""Largest number of a pose or place [m]."""
-
 
 class NewEdits(Generic[AnyMap]):
     """Makes edits of the map as mapped from numbers and places of the edited map.
@@ -58,7 +61,7 @@ class NewEdits(Generic[AnyMap]):
         record, graph = self._map.closures, self._map.graph
         pairs = []
         for closure in dict.fromkeys(_index(one, "closure") for one in closures):
-            if closure >= len(record):
+            if not 0 <= closure < len(record):
                 raise InputError(
                     f"closure {closure}: the record has {len(record)} rows, counted from 0; they "
                     "are those of closures.csv"
@@ -140,7 +143,7 @@ class NewEdits(Generic[AnyMap]):
                 f"points is {shown(table)}: give 2 to {MAX_NUMBERS} rows x, y, surveyed x, "
                 "surveyed y"
             )
-        if not (np.isfinite(table).all() and np.abs(table).max() <= _MAX_COORDINATE):
+        if not (np.isfinite(table).all() and np.abs(table).max() <= MAX_COORDINATE_M):
             raise UsageError("points: a coordinate is not finite, or beyond 1,000 km")
         poses, nodes = self._map.graph.node_poses, np.flatnonzero(self._map.node_parts == MAIN_PART)
         bound = []
@@ -180,7 +183,7 @@ class NewEdits(Generic[AnyMap]):
     def forget_area(self, x0: float, y0: float, x1: float, y1: float) -> ForgetArea:
         """Return the edit of `editor.Editor.forget_area`."""
         sides = as_numbers((x0, y0, x1, y1), "the area", 4)
-        if not all(abs(side) <= _MAX_COORDINATE for side in sides):
+        if not all(abs(side) <= MAX_COORDINATE_M for side in sides):
             raise UsageError("the area: a coordinate is not finite, or beyond 1,000 km")
         left, right = sorted((sides[0], sides[2]))
         bottom, top = sorted((sides[1], sides[3]))
@@ -257,9 +260,5 @@ def _name(value: object) -> str:
 
 
 def _pose(value: object, what: str) -> Pose:
-    x, y, theta = as_numbers(value, what, 3)
-    if not all(math.isfinite(number) for number in (x, y, theta)):
-        raise UsageError(f"{what} is {shown(value)}: give finite numbers")
-    if not (abs(x) <= _MAX_COORDINATE and abs(y) <= _MAX_COORDINATE):
-        raise UsageError(f"{what} is {shown(value)}: is beyond 1,000 km")
+    x, y, theta = as_pose(value, what)
     return Pose(x, y, wrap_angle(theta))

@@ -36,6 +36,11 @@ def main_submaps(result: MapData) -> MainSubmaps:
     return MainSubmaps(grids, result.graph.submap_poses[chosen])
 
 
+def main_nodes(result: MapData) -> NDArray[np.int64]:
+    """Return the nodes of the main part of a map."""
+    return np.flatnonzero(result.node_parts == MAIN_PART)
+
+
 def main_scans(result: MapData) -> NDArray[np.int64]:
     """Return the scans of the main part, by their stamps; those of one session in file order.
 

@@ -33,6 +33,10 @@ SECOND = "second"
 """The same for a map of another recording that was saved there while this one was mapped."""
 
 
+MapState = tuple[int, int, int]
+"""What distinguishes one version of a map file from another."""
+
+
 @dataclass(frozen=True, slots=True)
 class SavedMap:
     """What is known of the map in a folder.
@@ -74,6 +78,8 @@ class RunFolder:
     adds : whether the new map is that in the folder with a session more, so that it may replace it;
         an interrupted run of another recording it may not.
     adds_for_good : the same, even if the run is stopped: it cannot be repeated.
+    added_to : :func:`map_state` of the map that a session is added to. If another program changes
+        it meanwhile, the new map is saved beside it.
     """
 
     path: Path
@@ -82,6 +88,7 @@ class RunFolder:
     overwrite: bool = False
     adds: bool = False
     adds_for_good: bool = False
+    added_to: MapState | None = None
 
     def check(self) -> None:
         """Check that the folder can be written, or made, and that nothing else is lost by it.
@@ -178,12 +185,41 @@ class RunFolder:
 
     def why(self, place: Path) -> str:
         """Return the reason why a map is saved in a folder inside, as a clause; or ""."""
-        return "" if place == self.path else f", since {self.path} holds a finished map"
+        if place == self.path:
+            return ""
+        if self._is_base_changed():
+            return f", since {self.path} was changed by another program meanwhile"
+        return f", since {self.path} holds a finished map"
 
     def _may_replace(self, saved: SavedMap) -> bool:
-        if self.overwrite or self.adds or self.adds_for_good:
+        if self.adds or self.adds_for_good:
+            return not self._is_base_changed()
+        if self.overwrite:
             return True
         return saved.is_of(self.name, self.fingerprint) and not saved.num_edits
+
+    def check_base(self, place: Path) -> None:
+        """Check, while files are replaced in a folder, that nothing is lost by it.
+
+        Raises
+        ------
+        OutputError
+            Another program has changed the map that a session is added to.
+        """
+        if place == self.path and self._is_base_changed():
+            raise OutputError(f"{self.path}: was changed by another program meanwhile")
+
+    def _is_base_changed(self) -> bool:
+        return self.added_to is not None and map_state(self.path) != self.added_to
+
+
+def map_state(folder: Path) -> MapState:
+    """Return what distinguishes one version of a map file from another."""
+    try:
+        status = (folder / FILE_NAME).stat()
+    except OSError:
+        return (0, 0, 0)
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def prepare_folder(out: str | PathLike[str]) -> Path:

@@ -15,6 +15,7 @@ from cartoloop.map_data import MapData
 from cartoloop.map_file.map_digest import map_digest
 from cartoloop.map_file.read import map_file_of
 from cartoloop.map_file.run_header import BaseOfRun
+from cartoloop.map_output.output_folder import MapState, map_state
 from cartoloop.map_sessions import earlier_maps
 from cartoloop.runs.journal import InterruptedRun
 from cartoloop.sensor.pose import Pose
@@ -28,10 +29,12 @@ class RunBase:
     ----------
     content : the map.
     about : what the journal of the run says about it.
+    state : of the file that it was read from, where that is in the folder of the run.
     """
 
     content: MapData
     about: BaseOfRun
+    state: MapState | None = None
 
     @property
     def is_in_folder(self) -> bool:
@@ -64,15 +67,28 @@ def base_of_new_run(
     UsageError
         It cannot be added to with this configuration.
     """
-    content = _opened(onto, config)
     path = path_of_base(onto, out)
+    state = None if out is None or path != "." else map_state(out)
+    content = _opened(onto, config)
     if path == "." and map_file_of(as_path(onto, "onto")).name == JOURNAL:
         raise OutputError(
             f"{out}: holds an interrupted run and no map yet; go on with that first, or choose "
             "another output folder"
         )
     digest = "" if out is None else map_digest(content)
-    return RunBase(content, BaseOfRun(path, digest, recording, pose))
+    return RunBase(content, BaseOfRun(path, digest, recording, pose), state)
+
+
+def require_new(content: MapData, name: str, fingerprint: str) -> None:
+    """Check that a recording is not in a map yet.
+
+    Raises
+    ------
+    InputError
+        It is: each of its scans would be in it twice.
+    """
+    if fingerprint and any(each.fingerprint == fingerprint for each in content.sessions):
+        raise InputError(f"{name}: is in the map already, and would be in it twice")
 
 
 def base_of_resumed_run(
@@ -102,6 +118,7 @@ def base_of_resumed_run(
             f"{run.folder}: the map that the interrupted run adds to is not there any more: give "
             "it with --onto"
         )
+    state = map_state(run.folder)
     content = _opened(given, run.header.config)
     if map_digest(content) != about.digest:
         name = "the map" if isinstance(given, MapData) else given
@@ -110,7 +127,7 @@ def base_of_resumed_run(
             f"{run.folder}: {name} is not the map any more that the interrupted run adds to; "
             f"`cartoloop merge {name} {journal} -o NEW` joins what it mapped with it as it is now"
         )
-    return RunBase(content, about)
+    return RunBase(content, about, state)
 
 
 def path_of_base(onto: MapData | str | PathLike[str], out: Path | None) -> str:

@@ -7,7 +7,6 @@ import tempfile
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -92,7 +91,11 @@ def save_outcome(
 
     def save_in(place: Path) -> Report:
         saving(place)
-        complete = partial(timed, start=start)
+
+        def complete(report: Report) -> Report:
+            folder.check_base(place)
+            return timed(report, start=start)
+
         return save(
             result, place, layers=layers, origins=origins, complete_report=complete, stop=stop
         )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from cartoloop.config_file import LoadedConfig, config_hash
 from cartoloop.errors import Interrupted, UsageError
+from cartoloop.map_data import MapData
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.runs.end import Outcome, save_outcome, timed
@@ -59,6 +60,7 @@ def merge_maps(
     _require_different(maps)
     start = time.perf_counter()
     loaded = [load_map(each) for each in maps]
+    _require_different_sessions(maps, loaded)
     fingerprint = joint_fingerprint([each.report.fingerprint for each in loaded])
     name = " + ".join(each.report.input.name for each in loaded)
     folder = RunFolder(out, name, fingerprint, overwrite)
@@ -93,3 +95,22 @@ def _require_different(maps: Sequence[Path]) -> None:
         if place in seen:
             raise UsageError(f"merge: {path} is given twice; give each map once")
         seen.add(place)
+
+
+def _require_different_sessions(maps: Sequence[Path], contents: Sequence[MapData]) -> None:
+    """Check that no recording is in two of the maps.
+
+    Raises
+    ------
+    UsageError
+        One is; each of its scans would be in the merged map twice.
+    """
+    seen: dict[str, Path] = {}
+    for path, content in zip(maps, contents, strict=True):
+        for session in content.sessions:
+            if session.fingerprint and seen.setdefault(session.fingerprint, path) != path:
+                other = seen[session.fingerprint]
+                raise UsageError(
+                    f"merge: {session.recording or 'a recording'} is in {other} and in {path}; "
+                    "give maps of different recordings"
+                )

@@ -81,9 +81,10 @@ def map_recording(
     log = opened_log(recording, options, out if onto is None else None, overwrite)
     base = None
     if onto is not None:
-        from cartoloop.runs.base import base_of_new_run
+        from cartoloop.runs.base import base_of_new_run, require_new
 
         base = base_of_new_run(onto, onto_pose, out, loaded.config, (log.name, log.fingerprint))
+        require_new(base.content, log.name, log.fingerprint)
     run = Run(log, loaded, drawn, observer or RunObserver(), stop or StopRequest(), base)
     if out is None:
         return carry_out(run, None, None)

@@ -63,7 +63,8 @@ class Run:
     def folder(self, path: Path, *, overwrite: bool) -> RunFolder:
         """Return the folder to save the map in."""
         adds = self.base is not None and self.base.is_in_folder
-        return RunFolder(path, *self.identity, overwrite, adds)
+        added_to = self.base.state if self.base is not None and adds else None
+        return RunFolder(path, *self.identity, overwrite, adds, added_to=added_to)
 
 
 def carry_out(run: Run, folder: RunFolder | None, journal: RunJournal | None) -> Result:

@@ -25,6 +25,7 @@ from cartoloop.map_output.output_folder import prepare_folder
 from cartoloop.map_output.save import save
 from cartoloop.map_output.unfinished_file import unfinished_file
 from cartoloop.result import load_map
+from cartoloop.runs.base import require_new
 from cartoloop.runs.observer import RunObserver
 from cartoloop.runs.recording import map_recording
 from cartoloop.sensor.pose import Pose
@@ -66,8 +67,7 @@ def check_is_new(folder: Path, log: Log) -> None:
     InputError
         It is, or the map cannot be read.
     """
-    if any(session.fingerprint == log.fingerprint for session in load_map(folder).sessions):
-        raise InputError(f"{folder}: cannot be updated by {log.name}: it is in the map already")
+    require_new(load_map(folder), log.name, log.fingerprint)
 
 
 def update_map(

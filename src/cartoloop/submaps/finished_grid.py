@@ -55,6 +55,14 @@ class FinishedGrid:
         self.origin_y = origin_y
         self.resolution = resolution
 
+    def is_same(self, other: FinishedGrid) -> bool:
+        """Return whether another grid has the same cells in the same place."""
+        return self is other or (
+            (self.shape, self.origin_x, self.origin_y, self.resolution)
+            == (other.shape, other.origin_x, other.origin_y, other.resolution)
+            and self._packed == other._packed
+        )
+
     @classmethod
     def of_packed(
         cls,

@@ -108,6 +108,7 @@ def _has_same_contents(before: Result, after: Result) -> bool:
         and np.array_equal(before.stamps, after.stamps)
         and len(before.submap_grids) == len(after.submap_grids)
         and all(
-            one is other for one, other in zip(before.submap_grids, after.submap_grids, strict=True)
+            one.is_same(other)
+            for one, other in zip(before.submap_grids, after.submap_grids, strict=True)
         )
     )
