@@ -125,3 +125,19 @@ def test_a_claim_is_proved_after_a_path_that_agrees():
 
 def test_an_outdated_map_is_noticed_in_the_end():
     assert 5.0 < steps_until_lost(0.63, 0.1, 0.1) * 0.1 <= 40.0
+
+
+def test_what_moves_does_not_disprove_a_claim():
+    doubt, of_all = Doubt(LOW), Doubt(LOW)
+    for _ in range(100):
+        doubt.add(0.7, 0.1, 0.1, standing=0.95)
+        of_all.add(0.7, 0.1, 0.1)
+    assert of_all.is_lost
+    assert not doubt.is_lost
+
+
+def test_what_stands_decides_nothing_else():
+    doubt = Doubt(LOW)
+    for _ in range(100):
+        doubt.add(0.2, 0.1, 0.1, standing=0.95)
+    assert doubt.is_lost

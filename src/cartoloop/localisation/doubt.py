@@ -122,13 +122,16 @@ class Doubt:
         """Multiple of the limits from which the robot is lost."""
         return 1.0 + (TRUSTED - 1.0) * self._trust
 
-    def add(self, agreement: float, path: float, duration: float) -> None:
+    def add(
+        self, agreement: float, path: float, duration: float, standing: float = math.nan
+    ) -> None:
         """Add a scan.
 
         Parameters
         ----------
         agreement : of the scan, relative to the usual one; NaN if the map is not known there.
         path, duration : since the scan before [m], [s].
+        standing : agreement of what does not move, which proves a claim; NaN: as the agreement.
         """
         if math.isnan(agreement):
             return
@@ -143,8 +146,10 @@ class Doubt:
             self._trust = min(self._trust + path / TRUST_M, 1.0)
         self._latest = (self._latest[1], agreement)
         self._mean += weight * (agreement - self._mean)
+        proving = agreement if math.isnan(standing) else min(standing, 1.0)
+        agreements = (agreement, agreement, proving)
         for i, (expected, limit) in enumerate(self._watches):
-            total = self._sums[i] + weight * (expected - agreement)
+            total = self._sums[i] + weight * (expected - agreements[i])
             self._sums[i] = min(max(total, 0.0), 2.0 * limit * self._trusted)
         self._unproved -= path
 

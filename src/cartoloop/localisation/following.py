@@ -14,6 +14,7 @@ from cartoloop.localisation.doubt import Doubt
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.local_motion import LocalScan
+from cartoloop.localisation.moving_returns import MovingReturns
 from cartoloop.localisation.tracking import MAP_SIGMA_M, MAP_SIGMA_RAD, Tracker
 from cartoloop.sensor.pose import IDENTITY, Pose, relative
 
@@ -51,6 +52,7 @@ class Following:
         self._agreement = math.nan
         low = known.low_agreement / known.usual.agreement
         self.doubt = Doubt(low, is_given=is_given)
+        self._moving = MovingReturns()
 
     @property
     def pose(self) -> Pose:
@@ -66,6 +68,7 @@ class Following:
     def begin(self, scan: LocalScan) -> None:
         """Note the scan whose pose was claimed."""
         self._last = scan
+        self._moving.add(scan)
 
     def add(self, scan: LocalScan) -> None:
         """Move and correct the pose by the next scan."""
@@ -79,8 +82,15 @@ class Following:
         if len(scan.points) < MIN_POINTS:
             return
         self._agreement = self._tracker.correct(scan.points, scan.beam_origin)
-        relative_agreement = self._agreement / self._known.usual.agreement
-        self.doubt.add(relative_agreement, math.hypot(step.x, step.y), duration)
+        usual = self._known.usual.agreement
+        standing = self._agreement / usual
+        if not self.doubt.is_proved:
+            moving = self._moving.add(scan)
+            if moving.any():
+                fit = self._known.fit(scan.points[~moving], scan.beam_origin, self.pose)
+                standing = fit.agreement / usual
+        length = math.hypot(step.x, step.y)
+        self.doubt.add(self._agreement / usual, length, duration, standing)
 
     def fit(self, scan: LocalScan) -> Fit:
         """Return how well the last scan fits; its agreement is that of the correction."""

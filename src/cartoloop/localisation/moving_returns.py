@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Returns of what moves, as of people: they lie where scans just before saw through.
+
+What stands there, also where the map does not have it, was not seen through: it still counts
+against a place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.localisation.local_motion import LocalScan
+from cartoloop.sensor.pose import Pose, compose, inverse, transform_points
+
+NUM_BINS = 360
+"""Directions in which a scan is kept."""
+
+PERIOD_S, NUM_VIEWS = 0.4, 8
+"""Time between scans that are kept, at least [s], and how many are: who walks is elsewhere after
+it, and the pose by local SLAM is still exact after all of them."""
+
+BEYOND_M = 0.3
+"""A scan saw through a place if its returns in that direction were farther by this [m]."""
+
+MAX_SHARE = 0.4
+"""If more of the returns seem to move, the robot did, and local SLAM has not noticed it."""
+
+
+class _View(NamedTuple):
+    """A scan that is kept.
+
+    Attributes
+    ----------
+    time : of it [s].
+    tf_local_beams : pose of the scanner, local frame.
+    nearest : float64, shape (NUM_BINS,), distance of the nearest return in each direction and those
+        beside it [m]; 0 where there is none.
+    """
+
+    time: float
+    tf_local_beams: Pose
+    nearest: FloatArray
+
+
+class MovingReturns:
+    """Finds the returns of what moves, scan by scan."""
+
+    def __init__(self) -> None:
+        self._views: deque[_View] = deque(maxlen=NUM_VIEWS)
+
+    def add(self, scan: LocalScan) -> BoolArray:
+        """Return which points of a scan are of what moves, shape (n,), and keep the scan."""
+        tf_local_beams = compose(scan.tf_local_tracking, scan.beam_origin)
+        points = transform_points(scan.tf_local_tracking, scan.points)
+        moving = np.zeros(len(points), dtype=np.bool_)
+        for view in self._views:
+            if scan.time - view.time >= PERIOD_S:
+                moving |= _is_seen_through(view, points)
+        if not self._views or scan.time - self._views[-1].time >= PERIOD_S:
+            self._views.append(_View(scan.time, tf_local_beams, _nearest(scan)))
+        if np.count_nonzero(moving) > MAX_SHARE * len(points):
+            moving[:] = False
+        return moving
+
+
+def _nearest(scan: LocalScan) -> FloatArray:
+    bins, distances = _polar(transform_points(inverse(scan.beam_origin), scan.returns))
+    nearest = np.full(NUM_BINS, np.inf)
+    np.minimum.at(nearest, bins, distances)
+    around = np.minimum(nearest, np.minimum(np.roll(nearest, 1), np.roll(nearest, -1)))
+    # Where no beam came back, it is not known what was seen through.
+    return np.where(np.isfinite(around), around, 0.0)
+
+
+def _is_seen_through(view: _View, points: FloatArray) -> BoolArray:
+    """Return which points, in the local frame, a scan saw through."""
+    bins, distances = _polar(transform_points(inverse(view.tf_local_beams), points))
+    seen: BoolArray = view.nearest[bins] > distances + BEYOND_M
+    return seen
+
+
+def _polar(points: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the number of the direction of points, and their distances [m]."""
+    angles = np.arctan2(points[:, 1], points[:, 0])
+    bins = np.floor((angles + math.pi) * (NUM_BINS / (2.0 * math.pi))).astype(np.int64) % NUM_BINS
+    return bins, np.hypot(points[:, 0], points[:, 1])
