@@ -23,7 +23,10 @@ def scan(time, *people, pose=IDENTITY, wall=WALL_M):
         along = pose.x * np.cos(ANGLES + pose.theta) + pose.y * np.sin(ANGLES + pose.theta)
         ranges = -along + np.sqrt(wall**2 - pose.x**2 - pose.y**2 + along**2)
     for first_deg, last_deg, distance in people:
-        inside = (np.degrees(ANGLES) >= first_deg) & (np.degrees(ANGLES) <= last_deg)
+        inside = (
+            np.abs(np.degrees(ANGLES) - 0.5 * (first_deg + last_deg))
+            < 0.5 * (last_deg - first_deg) + 0.1
+        )
         ranges[inside] = distance
     points = ranges[:, None] * np.column_stack((np.cos(ANGLES), np.sin(ANGLES)))
     return LocalScan(time, time, pose, points, points, IDENTITY)
