@@ -30,6 +30,7 @@ from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.localisation.changes.watch import no_looks
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
 from cartoloop.quality.pairs import agreement
 from cartoloop.scan_matching import correlative
@@ -267,6 +268,13 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         partial(agreement, grid, ScanPoints.of(points), np.array(in_submap), math.inf),
         sum(map(len, points)), "points",
     )  # fmt: skip
+    along = np.array([[1.0, 0.0]])
+    together = np.zeros(len(points), dtype=np.int64)
+    yield Workload(
+        "shift along a corridor", ("shift_costs",), case,
+        partial(fitting_shifts, grid, ScanPoints.of(points), np.array(in_submap), together, along),
+        sum(map(len, points)), "points",
+    )  # fmt: skip
     known = KnownMap(
         grid.cells, grid.origin_x, grid.origin_y, grid.resolution, IDENTITY, "a submap"
     )
@@ -318,6 +326,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         "fade", ("fading", "map_composition"), case,
         partial(
             select, [*driven.grids, *driven.grids], np.vstack((poses, poses)), twice,
+            np.ones(len(twice), dtype=bool),
             driven.config.local_slam.submaps, LifelongConfig(),
         ),
         2 * sum(grid.size for grid in driven.grids), "pixels",

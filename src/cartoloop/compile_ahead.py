@@ -24,6 +24,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import Config, ConstraintSearchConfig, GlobalSlamConfig
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
 from cartoloop.quality.pairs import agreement
 from cartoloop.quality.slides import fits_along
@@ -67,6 +68,8 @@ def compile_ahead() -> None:
     agreement(grids[0], scans, np.zeros((1, 3)), math.inf)
     shifts_in(grids[0], ScanPoints.of([scans[0]]), _RESOLUTION)
     fits_along(grids[0], ScanPoints.of([scans[0]]), np.array([[1.0, 0.0]]), np.zeros(1))
+    one = np.zeros(1, dtype=np.int64)
+    fitting_shifts(grids[0], scans, np.zeros((1, 3)), one, np.array([[1.0, 0.0]]))
     _close_loops(every_nth_node=1)
     _done_file().touch()
 

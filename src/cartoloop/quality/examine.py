@@ -12,6 +12,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
 from cartoloop.quality.corridor_places import corridor_places
+from cartoloop.quality.corridor_shifts import shifted_places
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.mirrored import mirrored_places
 from cartoloop.quality.odometry_use import has_odometry
@@ -61,6 +62,7 @@ def examine(
         *contradictions.contradictions(met, share, content, config),
         *contradictions.contradictions(seen, share_of_all, content, config),
         *contradictions.slide_places(slides(met, content, scans, config), met, content),
+        *shifted_places(content, scans),
         *contradictions.breaks(consecutive, content, config),
         *scattered_places(content, scans),
         *mirrored_places(content, odometry),
