@@ -21,7 +21,7 @@ def _is_inside(place, array):
 
 
 def naive_fade(cells, affine, total, known, limits, sure):
-    """Return the cells that stay, those of which evidence is needed, and both counts.
+    """Return the cells that stay, those whose evidence is needed, and both counts.
 
     `limits` are log-odds up to which cells are free, from which walls; with `sure` surely.
     """

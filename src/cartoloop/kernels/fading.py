@@ -37,7 +37,7 @@ def fade_submap(
     sure_free, sure_wall : log-odds up to which, and from which, the map needs no more evidence.
     out_faded : uint8, as cells: 0 for walls where the map is free, and for free cells where there
         is a wall; others are copied.
-    out_left : uint8, as cells: those of which the map needs the evidence are copied, 0 for others.
+    out_left : uint8, as cells: those whose evidence the map needs are copied, 0 for others.
 
     Returns
     -------
