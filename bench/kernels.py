@@ -54,8 +54,8 @@ from cartoloop.submaps.submap import Submap
 DRIVE_KERNELS = (
     "local SLAM", "filter", "smooth", "hide", "isolated", "people", "thin", "move", "cast rays",
     "update cells", "insert", "match", "correlative", "wall step",
-    "finish", "precompute", "mean score", "agree", "fit", "changes", "displace", "branch and bound",
-    "match again", "compose map", "fade",
+    "finish", "precompute", "mean score", "agree", "shift along a corridor", "fit", "changes",
+    "displace", "branch and bound", "match again", "compose map", "fade",
 )  # fmt: skip
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of the kernels, grouped by the input that they are measured on."""

@@ -14,9 +14,6 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import UsageError
 
-MAX_COORDINATE_M = 1e6
-"""Poses farther away from the origin of a map are mistakes [m]."""
-
 _MAX_SHOWN = 40
 """Characters of a value that are shown."""
 
@@ -73,13 +70,11 @@ def as_pose(value: object, what: str) -> tuple[float, float, float]:
     Raises
     ------
     UsageError
-        They are no finite numbers, or too far away.
+        They are no finite numbers.
     """
     x, y, theta = as_numbers(value, what, 3)
     if not all(map(math.isfinite, (x, y, theta))):
         raise UsageError(f"{what} is {shown(value)}: give finite numbers")
-    if max(abs(x), abs(y)) > MAX_COORDINATE_M:
-        raise UsageError(f"{what} is {shown(value)}: is beyond {MAX_COORDINATE_M / 1e3:,.0f} km")
     return x, y, theta
 
 

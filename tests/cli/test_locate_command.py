@@ -146,3 +146,11 @@ def test_a_map_in_place_of_a_recording_is_named(room, tmp_path, capsys):
     for path in (tmp_path, tmp_path / "map.cartoloop"):
         assert run(["locate", room, str(path)]) == 1
         assert "is a map, not a recording" in capsys.readouterr().err
+
+
+def test_a_pose_that_does_not_fit_is_reported(room, log, tmp_path, capsys):
+    given = ["locate", room, log, "--at", "1e308,0,0", "--poses", str(tmp_path / "poses.jsonl")]
+
+    assert run(given) == 0
+
+    assert "--at: the scan does not fit there" in capsys.readouterr().out

@@ -186,9 +186,7 @@ def test_what_is_no_event_is_refused(room):
         Localizer(room).add("scan")
 
 
-@pytest.mark.parametrize(
-    "pose", [(math.inf, 0.0, 0.0), (math.nan, 0.0, 0.0), (1e7, 0.0, 0.0), (1, 2)]
-)
+@pytest.mark.parametrize("pose", [(math.inf, 0.0, 0.0), (math.nan, 0.0, 0.0), (1, 2)])
 def test_an_impossible_pose_is_refused(room, pose):
     with pytest.raises(UsageError, match="Localizer"):
         Localizer(room, at=pose)

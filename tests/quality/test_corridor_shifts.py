@@ -12,6 +12,7 @@ from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
 from cartoloop.quality.corridor_shifts import MIN_MEDIAN_M, corridor_runs, shifted_places
 from cartoloop.quality.verdict import Kind, Severity
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.session import Session
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 R = 0.05
@@ -65,6 +66,8 @@ def corridor(displaced, doors=DOORS, share=1.0):
         submap_grids=[grid(walls)],
         stamps=np.arange(count, dtype=float),
         node_scan_index=np.arange(count),
+        sessions=(Session(),),
+        numbers=np.zeros(count, dtype=np.int64),
     )
     return content, ScanPoints.of(scans)
 
@@ -77,7 +80,7 @@ def test_displaced_visits_are_found(displaced):
 
     assert (place.kind, place.severity) == (Kind.CONTRADICTION, Severity.DOUBTFUL)
     assert f"along a corridor by {abs(displaced):.1f} m" in place.reason
-    runs = corridor_runs(content.graph, content.submap_grids, scans)
+    runs = corridor_runs(content.graph, content.numbers, content.submap_grids, scans)
     assert np.abs(runs.shift) == pytest.approx(abs(displaced), abs=0.06)
     assert np.unique(np.concatenate(runs.nodes)).tolist() == list(range(len(WALK)))
 
@@ -86,7 +89,7 @@ def test_visits_that_fit_are_left_alone():
     content, scans = corridor(0.0)
 
     assert shifted_places(content, scans) == []
-    runs = corridor_runs(content.graph, content.submap_grids, scans)
+    runs = corridor_runs(content.graph, content.numbers, content.submap_grids, scans)
     assert len(runs.shift) >= 4
     assert not runs.shift.any()
 
@@ -106,3 +109,12 @@ def test_maps_without_closures_say_nothing():
     content.graph = PoseGraph()
 
     assert shifted_places(content, scans) == []
+
+
+def test_sessions_are_looked_at_apart():
+    content, scans = corridor(0.5)
+    content.numbers[len(WALK) // 2 :] = 1
+
+    runs = corridor_runs(content.graph, content.numbers, content.submap_grids, scans)
+
+    assert all(np.ptp(content.numbers[nodes]) == 0 for nodes in runs.nodes)

@@ -126,6 +126,7 @@ def update(
     from cartoloop.cli.mapping import UnsavedDisplay
     from cartoloop.cli.session_lines import APART_STATUS, session_lines
     from cartoloop.errors import Interrupted
+    from cartoloop.map_output.output_folder import map_state
     from cartoloop.runs.update import BEFORE, folder_to_update, mapped_onto, replace_map, why_apart
 
     folder = folder_to_update(map_)
@@ -135,10 +136,11 @@ def update(
         say(f"{'update':<15}none: the robot was never located; {folder} is as it was")
         raise typer.Exit(NEVER_LOCATED_STATUS)
     with UnsavedDisplay(log, stop, compiler) as display:
+        state = map_state(folder)
         result = mapped_onto(folder, log, loaded, at, display, stop)
     if why := why_apart(result):
         say(f"{'update':<15}none: {why}; {folder} is as it was")
         raise typer.Exit(APART_STATUS)
-    replace_map(folder, result, loaded, stop)
+    replace_map(folder, result, loaded, stop, state)
     say("\n".join(session_lines(result)))
     say(f"{'update':<15}{folder}; the map before is in {folder / BEFORE}")

@@ -155,7 +155,9 @@ def locate_command(options: LocateOptions) -> None:
                 waits=options.no_drop,
                 watch_changes=options.changes is not None,
             )
-            keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
+            keeper = None
+            if options.keep is not None:
+                keeper = PoseKeeper(options.keep, localizer, _warn, begins_there=start is None)
             view = closing.enter_context(open_view(options, localizer, log, is_quiet=is_quiet))
             run = _Run(RunSummary(), keeper, poses, view, is_quiet=is_quiet)
             if start is not None:

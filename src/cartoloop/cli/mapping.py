@@ -134,6 +134,11 @@ class _Display(RunObserver):
             f"{one_line(str(folder))} holds the finished map of this recording: nothing to resume"
         )
 
+    def already_added(self, name: str) -> None:
+        typer.echo(
+            f"warning: {name} is in the map already: its scans will be in it twice", err=True
+        )
+
     def journal_failed(self, problem: str) -> None:
         typer.echo(f"warning: {problem}", err=True)
 

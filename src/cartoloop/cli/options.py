@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cartoloop.cli.completion import complete_echo, complete_key, complete_layers
-from cartoloop.errors import UsageError
 
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
@@ -333,18 +332,13 @@ def parse_pose_deg(text: str | None, option: str) -> Pose | None:
     Raises
     ------
     typer.BadParameter
-        It is not three numbers, or too far away.
+        It is not three numbers.
     """
     if text is None:
         return None
-    from cartoloop.arguments import as_pose
     from cartoloop.sensor.pose import Pose, wrap_angle
 
     x, y, heading_deg = _three_numbers(text, "X,Y,DEG, like 4.5,-2,90 (m, m, degrees)", option)
-    try:
-        as_pose((x, y, heading_deg), f"'{text}'")
-    except UsageError as error:
-        raise typer.BadParameter(str(error), param_hint=option) from error
     return Pose(x, y, wrap_angle(math.radians(heading_deg)))
 
 

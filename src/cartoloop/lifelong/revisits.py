@@ -50,5 +50,5 @@ def driven_again(
     submaps, nodes = submaps[own], nodes[own]
     counts = np.bincount(submaps, minlength=graph.num_submaps)
     revisited = np.bincount(submaps, weights=again[nodes], minlength=graph.num_submaps)
-    result: BoolArray = revisited >= MIN_REVISITED * counts
+    result: BoolArray = (counts > 0) & (revisited >= MIN_REVISITED * counts)
     return result

@@ -63,7 +63,7 @@ def select(
     ----------
     grids : of the submaps.
     poses : float64, shape (m, 3), tf_map_submap of each.
-    sessions : int64, shape (m,), of each, ascending; those of the last stay as they are.
+    sessions : int64, shape (m,), of each, ascending; those of the last stay, and take evidence.
     is_driven_again : bool, shape (m,), whether later sessions drove through each; others stay.
     submaps : resolution, and what a hit and a miss weigh.
     config : limits.

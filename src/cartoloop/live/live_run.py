@@ -113,8 +113,8 @@ def map_live(
     options, observer = options or LiveOptions(), observer or LiveObserver()
     stop = stop or StopRequest()
     adds = is_same_folder(onto, out)
-    added_to = map_state(out) if adds else None
     base = None if onto is None else map_to_add_to(onto, out, observer.say)
+    added_to = map_state(out) if adds else None
     loaded = _loaded(config, base, lifelong=lifelong)
     # No drive is the same as another.
     folder = RunFolder(

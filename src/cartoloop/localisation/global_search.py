@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arguments import MAX_COORDINATE_M
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LeastSquaresMatcherConfig
 from cartoloop.localisation.fit import Fit
@@ -107,6 +106,10 @@ def find(known: KnownMap, points: FloatArray, min_score: float) -> FoundPlace | 
     return None
 
 
+FAR_M = 1e6
+"""Places farther from the origin of a map's grid are not searched [m]."""
+
+
 def find_near(
     known: KnownMap,
     points: FloatArray,
@@ -122,9 +125,9 @@ def find_near(
     points : float64, shape (n, 2), frame of the robot [m].
     linear_window, angular_window : to each side of the pose [m], [rad].
     """
-    # Odometry that has gone astray may lead anywhere.
+    # Odometry that has gone astray may lead anywhere, also to where there are no cells.
     centre = known.to_grid(tf_map_tracking)
-    if not max(abs(centre.x), abs(centre.y)) <= MAX_COORDINATE_M:
+    if not max(abs(centre.x), abs(centre.y)) <= FAR_M:
         return None
     found = known.matcher.match(
         points,

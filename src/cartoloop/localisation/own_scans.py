@@ -60,7 +60,8 @@ def learn_from_own_scans(judge: FitJudge, data: MapData) -> OwnFits | None:
     ----------
     judge : of the map, whose grid lies in the map frame.
     """
-    nodes = main_nodes(data)[: len(data.node_points)]
+    nodes = main_nodes(data)
+    nodes = nodes[nodes < len(data.node_points)]
     learnt = nodes[:: len(nodes) // NUM_LEARNT_SCANS + 1]
     is_second = (np.arange(len(learnt)) // STRETCH) % 2 == 1
     halves = (learnt[~is_second], learnt[is_second])

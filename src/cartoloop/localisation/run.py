@@ -90,6 +90,7 @@ class PoseKeeper:
     path : of the file.
     localizer : that begins with the pose in the file, if there is one.
     warn : receives the reason when the file cannot be written during the run, once.
+    begins_there : false where another pose was given to begin with.
 
     Raises
     ------
@@ -99,14 +100,22 @@ class PoseKeeper:
         The folder of the file does not exist, or cannot be written to.
     """
 
-    def __init__(self, path: Path, localizer: Localizer, warn: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        localizer: Localizer,
+        warn: Callable[[str], None],
+        *,
+        begins_there: bool = True,
+    ) -> None:
         self._path, self._localizer, self._warn = path, localizer, warn
         self._has_warned = False
         self._kept_at = -math.inf
         self._pose: Pose | None = None
         if not os.access(path.parent, os.W_OK | os.X_OK):
             raise OutputError(f"{path}: cannot be written; give a file in a folder that can be")
-        if (kept := read_pose_file(path)) is not None:
+        kept = read_pose_file(path)
+        if begins_there and kept is not None:
             localizer.start_near(kept.tf_map_tracking, kept.tf_odom_tracking)
 
     def add(self, answer: Answer) -> None:

@@ -9,7 +9,6 @@ from typing import Generic
 import numpy as np
 
 from cartoloop.arguments import (
-    MAX_COORDINATE_M,
     as_array,
     as_number,
     as_numbers,
@@ -38,6 +37,9 @@ from cartoloop.map_output.export import angle_to_axes
 from cartoloop.plain_text import one_line
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 from cartoloop.session import MAIN_PART, ranges
+
+_MAX_COORDINATE = 1e6
+"""Largest number of a pose or place [m]."""
 
 
 class NewEdits(Generic[AnyMap]):
@@ -143,7 +145,7 @@ class NewEdits(Generic[AnyMap]):
                 f"points is {shown(table)}: give 2 to {MAX_NUMBERS} rows x, y, surveyed x, "
                 "surveyed y"
             )
-        if not (np.isfinite(table).all() and np.abs(table).max() <= MAX_COORDINATE_M):
+        if not (np.isfinite(table).all() and np.abs(table).max() <= _MAX_COORDINATE):
             raise UsageError("points: a coordinate is not finite, or beyond 1,000 km")
         poses, nodes = self._map.graph.node_poses, np.flatnonzero(self._map.node_parts == MAIN_PART)
         bound = []
@@ -183,7 +185,7 @@ class NewEdits(Generic[AnyMap]):
     def forget_area(self, x0: float, y0: float, x1: float, y1: float) -> ForgetArea:
         """Return the edit of `editor.Editor.forget_area`."""
         sides = as_numbers((x0, y0, x1, y1), "the area", 4)
-        if not all(abs(side) <= MAX_COORDINATE_M for side in sides):
+        if not all(abs(side) <= _MAX_COORDINATE for side in sides):
             raise UsageError("the area: a coordinate is not finite, or beyond 1,000 km")
         left, right = sorted((sides[0], sides[2]))
         bottom, top = sorted((sides[1], sides[3]))
@@ -261,4 +263,6 @@ def _name(value: object) -> str:
 
 def _pose(value: object, what: str) -> Pose:
     x, y, theta = as_pose(value, what)
+    if not (abs(x) <= _MAX_COORDINATE and abs(y) <= _MAX_COORDINATE):
+        raise UsageError(f"{what} is {shown(value)}: is beyond 1,000 km")
     return Pose(x, y, wrap_angle(theta))

@@ -115,6 +115,8 @@ class RunFolder:
         saved = saved_map(self.path)
         if saved is None or self._may_replace(saved):
             return
+        if self._is_base_changed():
+            raise OutputError(f"{self.path}: was changed by another program just now; start again")
         what = f"another map (of {saved.name or 'a program'})"
         if saved.num_edits and saved.is_of(self.name, self.fingerprint):
             what = f"a map of this recording that was edited ({saved.num_edits} edits)"

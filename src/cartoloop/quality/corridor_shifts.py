@@ -23,6 +23,7 @@ from cartoloop.quality.places import MAX_PLACES, extent, place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
 from cartoloop.scan_matching.least_squares import SmoothMap
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.session import session_numbers
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY, FinishedGrid
 
 MAX_GAP, RUN_NODES, MIN_RUN_NODES = 8, 12, 4
@@ -73,7 +74,9 @@ class Runs(NamedTuple):
 
 def shifted_places(content: MapContent, scans: ScanPoints) -> list[Place]:
     """Return where visits are displaced along corridors, if many are."""
-    runs = corridor_runs(content.graph, content.submap_grids, scans)
+    firsts = [session.first_node for session in content.sessions]
+    sessions = session_numbers(firsts, content.graph.num_nodes)
+    runs = corridor_runs(content.graph, sessions, content.submap_grids, scans)
     shifted = np.flatnonzero(runs.shift)
     num_shifted, apart = len(shifted), np.abs(runs.shift[shifted])
     is_enough = any(
@@ -101,12 +104,15 @@ def shifted_places(content: MapContent, scans: ScanPoints) -> list[Place]:
     return sorted(places, key=lambda place: -place.radius)[:MAX_PLACES]
 
 
-def corridor_runs(graph: PoseGraph, grids: list[FinishedGrid], scans: ScanPoints) -> Runs:
+def corridor_runs(
+    graph: PoseGraph, sessions: IntArray, grids: list[FinishedGrid], scans: ScanPoints
+) -> Runs:
     """Return the runs of loop closures in corridors, and by how far each is displaced.
 
     Parameters
     ----------
     graph : its loop closures are the matches.
+    sessions : int64, number of the session of each node.
     grids : of all submaps.
     scans : the returns of all nodes.
     """
@@ -114,7 +120,7 @@ def corridor_runs(graph: PoseGraph, grids: list[FinishedGrid], scans: ScanPoints
     submaps, nodes = graph.index_a[closures], graph.index_b[closures]
     order = np.lexsort((nodes, submaps))
     closures, submaps, nodes = closures[order], submaps[order], nodes[order]
-    runs = _runs(submaps, nodes)
+    runs = _runs(submaps, nodes, sessions[nodes])
     chosen, directions = _corridors(graph.informations[closures], runs)
     of_run = np.full(int(runs[-1]) + 1 if len(runs) else 0, -1)
     of_run[chosen] = np.arange(len(chosen))
@@ -134,11 +140,11 @@ def corridor_runs(graph: PoseGraph, grids: list[FinishedGrid], scans: ScanPoints
     return Runs(members, shift[is_examined])
 
 
-def _runs(submaps: IntArray, nodes: IntArray) -> IntArray:
+def _runs(submaps: IntArray, nodes: IntArray, sessions: IntArray) -> IntArray:
     """Return the number of the run that each match belongs to, ascending."""
     if len(nodes) == 0:
         return np.zeros(0, dtype=np.int64)
-    begins = (np.diff(submaps) != 0) | (np.diff(nodes) > MAX_GAP)
+    begins = (np.diff(submaps) != 0) | (np.diff(nodes) > MAX_GAP) | (np.diff(sessions) != 0)
     visits = np.concatenate(([0], np.cumsum(begins)))
     counts = np.bincount(visits)
     within = np.arange(len(nodes)) - (np.cumsum(counts) - counts)[visits]

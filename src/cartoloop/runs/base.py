@@ -12,6 +12,7 @@ from cartoloop.config import Config
 from cartoloop.errors import InputError, OutputError
 from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.map_data import MapData
+from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.map_digest import map_digest
 from cartoloop.map_file.read import map_file_of
 from cartoloop.map_file.run_header import BaseOfRun
@@ -68,7 +69,7 @@ def base_of_new_run(
         It cannot be added to with this configuration.
     """
     path = path_of_base(onto, out)
-    state = None if out is None or path != "." else map_state(out)
+    state = None if out is None or path != "." else _state_of(out)
     content = _opened(onto, config)
     if path == "." and map_file_of(as_path(onto, "onto")).name == JOURNAL:
         raise OutputError(
@@ -79,16 +80,9 @@ def base_of_new_run(
     return RunBase(content, BaseOfRun(path, digest, recording, pose), state)
 
 
-def require_new(content: MapData, name: str, fingerprint: str) -> None:
-    """Check that a recording is not in a map yet.
-
-    Raises
-    ------
-    InputError
-        It is: each of its scans would be in it twice.
-    """
-    if fingerprint and any(each.fingerprint == fingerprint for each in content.sessions):
-        raise InputError(f"{name}: is in the map already, and would be in it twice")
+def has_recording(content: MapData, fingerprint: str) -> bool:
+    """Return whether a recording is in a map already: its scans would be in it twice."""
+    return fingerprint != "" and any(each.fingerprint == fingerprint for each in content.sessions)
 
 
 def base_of_resumed_run(
@@ -118,7 +112,7 @@ def base_of_resumed_run(
             f"{run.folder}: the map that the interrupted run adds to is not there any more: give "
             "it with --onto"
         )
-    state = map_state(run.folder)
+    state = _state_of(run.folder)
     content = _opened(given, run.header.config)
     if map_digest(content) != about.digest:
         name = "the map" if isinstance(given, MapData) else given
@@ -144,6 +138,12 @@ def is_same_folder(onto: object, out: str | PathLike[str] | None) -> bool:
     given: str | PathLike[str] = onto
     path = Path(given)
     return (path.parent if path.is_file() else path).resolve() == Path(out).resolve()
+
+
+def _state_of(folder: Path) -> MapState:
+    """Return the state of the map in a folder, after a replacement that was cut short."""
+    repair_file_set(folder)
+    return map_state(folder)
 
 
 def _opened(onto: MapData | str | PathLike[str], config: Config) -> MapData:

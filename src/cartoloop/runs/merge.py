@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,7 +60,8 @@ def merge_maps(
     _require_different(maps)
     start = time.perf_counter()
     loaded = [load_map(each) for each in maps]
-    _require_different_sessions(maps, loaded)
+    for line in _in_several(maps, loaded):
+        note(line)
     fingerprint = joint_fingerprint([each.report.fingerprint for each in loaded])
     name = " + ".join(each.report.input.name for each in loaded)
     folder = RunFolder(out, name, fingerprint, overwrite)
@@ -97,20 +98,14 @@ def _require_different(maps: Sequence[Path]) -> None:
         seen.add(place)
 
 
-def _require_different_sessions(maps: Sequence[Path], contents: Sequence[MapData]) -> None:
-    """Check that no recording is in two of the maps.
-
-    Raises
-    ------
-    UsageError
-        One is; each of its scans would be in the merged map twice.
-    """
+def _in_several(maps: Sequence[Path], contents: Sequence[MapData]) -> Iterator[str]:
+    """Yield a line for each recording that is in two of the maps."""
     seen: dict[str, Path] = {}
     for path, content in zip(maps, contents, strict=True):
         for session in content.sessions:
-            if session.fingerprint and seen.setdefault(session.fingerprint, path) != path:
-                other = seen[session.fingerprint]
-                raise UsageError(
-                    f"merge: {session.recording or 'a recording'} is in {other} and in {path}; "
-                    "give maps of different recordings"
+            first = seen.setdefault(session.fingerprint, path)
+            if session.fingerprint and first != path:
+                yield (
+                    f"warning: {session.recording or 'a recording'} is in {first} and in {path}: "
+                    "its scans will be in the merged map twice"
                 )

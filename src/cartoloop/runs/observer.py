@@ -24,6 +24,9 @@ class RunObserver:
     def already_finished(self, folder: Path) -> None:
         """There is nothing to resume: `folder` holds the finished map."""
 
+    def already_added(self, name: str) -> None:
+        """The recording is in the map that it is added to: its scans will be in it twice."""
+
     def journal_failed(self, problem: str) -> None:
         """The journal cannot be written, in one line; mapping goes on. May be of any thread."""
 

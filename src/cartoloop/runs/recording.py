@@ -81,10 +81,11 @@ def map_recording(
     log = opened_log(recording, options, out if onto is None else None, overwrite)
     base = None
     if onto is not None:
-        from cartoloop.runs.base import base_of_new_run, require_new
+        from cartoloop.runs.base import base_of_new_run, has_recording
 
         base = base_of_new_run(onto, onto_pose, out, loaded.config, (log.name, log.fingerprint))
-        require_new(base.content, log.name, log.fingerprint)
+        if observer is not None and has_recording(base.content, log.fingerprint):
+            observer.already_added(log.name)
     run = Run(log, loaded, drawn, observer or RunObserver(), stop or StopRequest(), base)
     if out is None:
         return carry_out(run, None, None)

@@ -21,11 +21,12 @@ from cartoloop.errors import InputError, Interrupted, OutputError
 from cartoloop.localisation.localizer import Localizer
 from cartoloop.localisation.run import RunSummary, locate_events
 from cartoloop.map_file.schema import FILE_NAME
-from cartoloop.map_output.output_folder import prepare_folder
+from cartoloop.map_output.output_folder import MapState, map_state, prepare_folder
 from cartoloop.map_output.save import save
 from cartoloop.map_output.unfinished_file import unfinished_file
+from cartoloop.report import Report
 from cartoloop.result import load_map
-from cartoloop.runs.base import require_new
+from cartoloop.runs.base import has_recording
 from cartoloop.runs.observer import RunObserver
 from cartoloop.runs.recording import map_recording
 from cartoloop.sensor.pose import Pose
@@ -67,7 +68,8 @@ def check_is_new(folder: Path, log: Log) -> None:
     InputError
         It is, or the map cannot be read.
     """
-    require_new(load_map(folder), log.name, log.fingerprint)
+    if has_recording(load_map(folder), log.fingerprint):
+        raise InputError(f"{folder}: cannot be updated by {log.name}: it is in the map already")
 
 
 def update_map(
@@ -115,10 +117,11 @@ def update_map(
         raise Interrupted(f"stopped: {folder} is as it was")
     if at is None:
         raise InputError(f"{log.name}: the robot was never located in {folder}, which is as it was")
+    state = map_state(folder)
     result = mapped_onto(folder, log, loaded, at, observer or RunObserver(), stop)
     if why := why_apart(result):
         raise InputError(f"{folder}: is as it was: {why}")
-    replace_map(folder, result, loaded, stop)
+    replace_map(folder, result, loaded, stop, state)
     return result
 
 
@@ -153,14 +156,28 @@ def why_apart(result: Result) -> str:
     return f"the recording found no place in it: {reasons[-1] if reasons else 'nothing matched'}"
 
 
-def replace_map(folder: Path, result: Result, loaded: LoadedConfig, stop: StopRequest) -> None:
+def replace_map(
+    folder: Path, result: Result, loaded: LoadedConfig, stop: StopRequest, state: MapState
+) -> None:
     """Save a map over the one it was made of, whose file is kept in `BEFORE`.
+
+    Parameters
+    ----------
+    state : of the map in the folder, before it was read.
 
     Raises
     ------
     OutputError
-        It cannot be written; the map is as it was.
+        It cannot be written, or another program has changed the map; that is as it was.
     """
+
+    def complete(report: Report) -> Report:
+        if map_state(folder) != state:
+            raise OutputError(
+                f"{folder}: was changed by another program meanwhile; update it again"
+            )
+        return report
+
     kept = prepare_folder(folder / BEFORE) / FILE_NAME
     try:
         content = (folder / FILE_NAME).read_bytes()
@@ -168,7 +185,7 @@ def replace_map(folder: Path, result: Result, loaded: LoadedConfig, stop: StopRe
         raise OutputError(f"{folder / FILE_NAME}: cannot be read: {error.strerror}") from error
     with unfinished_file(kept) as unfinished:
         unfinished.write_bytes(content)
-    save(result, folder, origins=loaded.origins, stop=stop)
+    save(result, folder, origins=loaded.origins, complete_report=complete, stop=stop)
 
 
 def _opened(recording: str | PathLike[str] | Log, options: ReadOptions | None) -> Log:
