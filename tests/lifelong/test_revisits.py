@@ -10,7 +10,7 @@ from cartoloop.lifelong.revisits import driven_again
 
 
 def graph_of(*paths):
-    """A graph with a submap for each path of nodes, all of which it holds."""
+    """A graph with a submap for each path of nodes."""
     graph = PoseGraph()
     for submap, path in enumerate(paths):
         graph.add_submap((0.0, 0.0, 0.0))
@@ -29,7 +29,7 @@ def again(graph, first_nodes, sessions, parts=None, distance=3.0):
     return driven_again(graph, first_nodes, np.array(sessions), parts, distance).tolist()
 
 
-def test_a_path_that_is_driven_again_is_told_from_one_that_is_not():
+def test_only_a_path_that_is_driven_again_counts():
     first, second, later = row(0, 10), row(20, 30), row(0, 12, y=1.0)
     graph = graph_of(first, second, later)
     assert again(graph, [0, 40], [0, 0, 1]) == [True, False, False]
