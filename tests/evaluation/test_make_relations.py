@@ -14,6 +14,7 @@ from cartoloop.evaluation.make_relations import make_relations, relations_text
 from cartoloop.evaluation.relations import evaluate_relations, read_relations
 from cartoloop.evaluation.trajectories import Trajectory
 from cartoloop.sensor.pose import relative_all
+from cartoloop.session import Session
 from tests.evaluation.hand_made_run import NODE_POSES, STAMPS, closure, hand_made_result
 
 
@@ -37,6 +38,14 @@ def test_relation_joins_middle_of_submap_and_matched_scan(run_of):
     assert pairs(relations) == [(0, 4), (1, 4), (1, 5)]
     first, second = NODE_POSES[[0, 1, 1]], NODE_POSES[[4, 4, 5]]
     assert relations.poses == pytest.approx(relative_all(first, second))
+
+
+def test_relations_are_of_one_session(tmp_path):
+    result = hand_made_result(final=(closure(0, 5), closure(2, 0), closure(1, 0)))
+    sessions = (Session(), Session(first_scan=3, first_node=3, first_submap=2))
+    replace(result, sessions=sessions).save(tmp_path)
+
+    assert pairs(make_relations(read_run(tmp_path), min_distance=1)) == [(0, 2)]
 
 
 def test_closures_after_a_short_way_say_nothing(run_of):

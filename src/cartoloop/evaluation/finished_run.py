@@ -17,6 +17,7 @@ from cartoloop.global_slam.closure_residuals import residuals, weights
 from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.result import Result, load_map
+from cartoloop.session import session_numbers
 
 
 class Stage(StrEnum):
@@ -67,6 +68,7 @@ class FinishedRun:
     node_poses, submap_poses : float64 (n, 3), (s, 3), optimised [m, m, rad].
     own_submap, own_node : int64 (m,), which nodes were inserted into which submaps.
     own_pose : float64 (m, 3), where each was inserted, tf_submap_node [m, m, rad].
+    node_sessions : int64 (n,), which session each node is of.
     closures : by stage.
     """
 
@@ -77,6 +79,7 @@ class FinishedRun:
     own_submap: IntArray
     own_node: IntArray
     own_pose: FloatArray
+    node_sessions: IntArray
     closures: dict[Stage, StageClosures]
 
     @property
@@ -119,6 +122,9 @@ def read_run(folder: str | PathLike[str]) -> FinishedRun:
         own_submap=graph.index_a[own],
         own_node=graph.index_b[own],
         own_pose=graph.relative_poses[own],
+        node_sessions=session_numbers(
+            [session.first_node for session in result.sessions], graph.num_nodes
+        ),
         closures={
             Stage.FOUND: _closures(closures.found, result),
             Stage.FINAL: _closures(closures.with_status(*_IN_GRAPH), result),

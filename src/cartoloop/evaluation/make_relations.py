@@ -33,8 +33,9 @@ def make_relations(
     """Return a relation for each loop closure in the graph that the graph agrees with.
 
     It joins the scan in the middle of those that made the submap with the scan that was found in
-    it, the earlier one first. In the order of their first scans; none is there twice, and none
-    names a scan by a stamp that another scan of the run has as well.
+    it, the earlier one first, both of one session: local SLAM relates no others. In the order of
+    their first scans; none is there twice, and none names a scan by a stamp that another scan of
+    the run has as well.
 
     Parameters
     ----------
@@ -48,16 +49,18 @@ def make_relations(
         No closure is left, or the run's ``trajectory.tum`` cannot be read or is not its own.
     """
     closures = run.closures[Stage.FINAL]
-    steps = np.hypot(*np.diff(run.node_poses[:, :2], axis=0).T)
+    sessions = run.node_sessions
+    steps = np.hypot(*np.diff(run.node_poses[:, :2], axis=0).T) * (np.diff(sessions) == 0)
     travelled = np.concatenate(([0.0], np.cumsum(steps)))
     submap_node = _middle_nodes(run)[closures.submap]
     agrees = (closures.residual_m <= max_translation) & (
         np.radians(closures.residual_deg) <= max_rotation
     )
     far = np.abs(travelled[closures.node] - travelled[submap_node]) >= min_distance
+    is_of_one = sessions[closures.node] == sessions[submap_node]
     named = _has_own_stamp(run)
     named_pair = named[closures.node] & named[submap_node]
-    chosen = agrees & far & named_pair
+    chosen = agrees & far & is_of_one & named_pair
     pairs = np.sort(np.column_stack((submap_node, closures.node))[chosen], axis=1)
     pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
     if len(pairs) == 0:
