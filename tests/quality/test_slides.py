@@ -12,10 +12,11 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality.encounters import encounters
 from cartoloop.quality.examine import examine
 from cartoloop.quality.pairs import compared_pairs, path_lengths
-from cartoloop.quality.slides import agreeing, slides
+from cartoloop.quality.slides import NEAR_KNOWN_M, agreeing, near_known, slides
 from cartoloop.quality.verdict import Kind
 from cartoloop.sensor.pose import compose_all
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.finished_grid import FinishedGrid
 
 CONFIG = QualityConfig()
 
@@ -83,3 +84,14 @@ def test_an_encounter_that_fits_here_is_not_displaced():
 def test_many_that_scatter_are_chance():
     rng = np.random.default_rng(3)
     assert not agreeing(rng.uniform(0.3, 4.7, 60), 5.0, 0.05).any()
+
+
+def test_returns_far_from_what_is_known_do_not_count():
+    cells = np.zeros((40, 80), np.uint8)
+    cells[:, :40] = 30  # up to x = 2 m; the rest was forgotten
+    grid = FinishedGrid(cells, 0.025, 0.025, 0.05)
+    beyond = NEAR_KNOWN_M + 0.05
+    points = np.array([(1.0, 1.0), (1.99, 0.5), (2.3, 1.0), (2.0 + beyond, 1.0), (1.0, -beyond)])
+
+    assert near_known(points, grid).tolist() == points[:3].tolist()
+    assert len(near_known(points[:0], grid)) == 0

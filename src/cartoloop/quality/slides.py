@@ -32,6 +32,10 @@ MIN_RETURNS, MIN_SHARE, LEFT_HERE = 12, 0.05, 0.35
 """Returns that fit elsewhere beyond what long walls explain: this number, and this share of all;
 here, no more than this share of them fits."""
 
+NEAR_KNOWN_M = 0.5
+"""Returns farther from all that a submap has observed say nothing of it [m]: where a part of it was
+forgotten, doors would fit at other doors only."""
+
 MAX_EXAMINED, MAX_POINTS = 200, 400
 """Encounters that are examined, and returns of each."""
 
@@ -67,10 +71,13 @@ def slides(
     shifts: FloatArray = STEP_M * np.arange(-count, count + 1, dtype=np.float64)
     for submap in np.unique(submaps).tolist():
         rows = chosen[submaps == submap]
-        groups = [_points(met, row, scans, config.max_range) for row in rows.tolist()]
+        grid = content.submap_grids[submap]
+        groups = [
+            near_known(_points(met, row, scans, config.max_range), grid) for row in rows.tolist()
+        ]
         directions = np.array([_direction(met, row, content) for row in rows.tolist()])
         batch = ScanPoints.of(groups)
-        counts = fits_along(content.submap_grids[submap], batch, directions, shifts)
+        counts = fits_along(grid, batch, directions, shifts)
         for reach, displaced in zip(REACHES_M, found, strict=True):
             tried = np.abs(shifts) < reach + 0.5 * STEP_M
             displaced[rows] = _displaced(counts[:, tried], batch.counts, shifts[tried])
@@ -179,6 +186,19 @@ def _points(met: Encounters, row: int, scans: ScanPoints, max_range: float) -> F
     middle = met.pairs.tf_submap_node[own, :2].mean(axis=0)
     near: FloatArray = points[np.hypot(*(points - middle).T) <= max_range]
     return near[:: max(1, -(-len(near) // MAX_POINTS))]
+
+
+def near_known(points: FloatArray, grid: FinishedGrid) -> FloatArray:
+    """Return the points near what a submap has observed, submap frame."""
+    cells = grid.cells
+    is_near = np.zeros(len(points), dtype=np.bool_)
+    for aside in NEAR_KNOWN_M * np.array(((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))):
+        at = (points + aside - (grid.origin_x, grid.origin_y)) / grid.resolution + 0.5
+        col, row = np.floor(at).astype(np.int64).T
+        inside = (row >= 0) & (row < cells.shape[0]) & (col >= 0) & (col < cells.shape[1])
+        is_near[inside] |= cells[row[inside], col[inside]] != 0
+    near: FloatArray = points[is_near]
+    return near
 
 
 def _direction(met: Encounters, row: int, content: MapContent) -> FloatArray:
