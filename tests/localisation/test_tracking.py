@@ -56,3 +56,50 @@ def test_the_covariance_grows_with_the_path(tracker):
     tracker.move(Pose(1.0, 0.0, 0.0))
 
     assert np.trace(tracker.covariance) > before
+
+
+CORRIDOR = (((0.0, 0.0), (40.0, 0.0), (40.0, 2.0), (0.0, 2.0)),)
+MIDDLE = Pose(20.0, 1.0, 0.0)
+
+
+@pytest.fixture
+def in_corridor():
+    """A tracker between bare walls, whose ends are out of sight, and what it sees."""
+    seen = points(CORRIDOR, MIDDLE)
+    seen = seen[np.abs(seen[:, 0]) < 8.0]
+    tracker = Tracker(known_map(CORRIDOR), LocalSlamConfig(), MIDDLE, 1e-3 * np.eye(3))
+    tracker.correct(seen, IDENTITY)
+    return tracker, seen
+
+
+def sigma_along(tracker):
+    return float(np.sqrt(tracker.covariance[0, 0]))
+
+
+@pytest.mark.parametrize(("has_odometry", "least", "most"), [(True, 0.1, 0.5), (False, 1.5, 5.0)])
+def test_nothing_is_known_along_bare_walls(in_corridor, has_odometry, least, most):
+    tracker, seen = in_corridor
+    for _ in range(10):
+        tracker.move(Pose(0.2, 0.0, 0.0), 0.2, has_odometry=has_odometry)
+        tracker.correct(seen, IDENTITY)
+
+    assert least < sigma_along(tracker) < most
+    assert np.sqrt(tracker.covariance[1, 1]) < 0.1
+
+
+def test_a_robot_that_stands_with_odometry_stays_known(in_corridor):
+    tracker, seen = in_corridor
+    before = sigma_along(tracker)
+    for _ in range(50):
+        tracker.move(IDENTITY, 0.2)
+        tracker.correct(seen, IDENTITY)
+
+    assert sigma_along(tracker) == pytest.approx(before, rel=0.2)
+
+
+def test_where_the_map_decides_the_position_stays_known(tracker):
+    for _ in range(20):
+        tracker.move(IDENTITY, 0.2, has_odometry=False)
+        tracker.correct(points(ROOM, START), IDENTITY)
+
+    assert np.sqrt(np.trace(tracker.covariance[:2, :2])) < 0.05

@@ -70,14 +70,19 @@ class Following:
         self._last = scan
         self._moving.add(scan)
 
-    def add(self, scan: LocalScan) -> None:
-        """Move and correct the pose by the next scan."""
+    def add(self, scan: LocalScan, *, has_odometry: bool = True) -> None:
+        """Move and correct the pose by the next scan.
+
+        Parameters
+        ----------
+        has_odometry : whether there is any.
+        """
         step, duration = IDENTITY, 0.0
         if self._last is not None:
             step = relative(self._last.tf_local_tracking, scan.tf_local_tracking)
             duration = scan.time - self._last.time
         self._last = scan
-        self._tracker.move(step)
+        self._tracker.move(step, max(duration, 0.0), has_odometry=has_odometry)
         self._agreement = math.nan
         if len(scan.points) < MIN_POINTS:
             return

@@ -85,7 +85,7 @@ class Locating:
             scan = self._moved(event)
             self._believe(given, scan, is_given=True)
         elif self._following is not None:
-            self._follow(self._following, scan)
+            self._follow(self._following, scan, has_odometry=tf_odom_tracking is not None)
             if self._following.doubt.is_lost:
                 self._num_refuted += not self._following.doubt.is_proved
                 self._lose()
@@ -102,9 +102,9 @@ class Locating:
             scan = self.motion.add_scan(event)
         return scan
 
-    def _follow(self, following: Following, scan: LocalScan) -> None:
+    def _follow(self, following: Following, scan: LocalScan, *, has_odometry: bool) -> None:
         """Track the robot, and search for another place while the pose is doubted."""
-        following.add(scan)
+        following.add(scan, has_odometry=has_odometry)
         if following.doubt.is_proved:
             self._num_refuted = 0
         suspect = following.doubt.is_suspect and len(scan.points) >= MIN_POINTS

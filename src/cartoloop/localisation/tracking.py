@@ -14,7 +14,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.degenerate_direction import degenerate_direction
+from cartoloop.local_slam.degenerate_direction import degenerate_direction, is_determined
 from cartoloop.local_slam.prediction import isotropic_information
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import find_near
@@ -39,8 +39,18 @@ straighter than this, and matches at the same wall are wrong together."""
 PRIOR_SIGMA_M, PRIOR_SIGMA_RAD = 0.1, math.radians(2.0)
 """Standard deviations of the prior that a match starts from at least [m], [rad]."""
 
-UNKNOWN_SIGMA_M = 1.0
-"""Standard deviation of a match along a corridor without any feature [m]."""
+UNKNOWN_SIGMA_M = 30.0
+"""Standard deviation of a match along a corridor without any feature [m]: it is where the
+prediction was, and says nothing. With one metre, the many scans of some seconds would agree to
+centimetres."""
+
+ALONG_SHARE, BLIND_SPEED = 0.05, 1.0
+"""Along such a corridor, the motion by local SLAM is wrong by this share of its length where it
+rests on odometry, and by this speed where there is none [m/s]. These errors add up: they are not
+random from scan to scan."""
+
+MAX_PRIOR_SIGMA_M = 0.5
+"""Standard deviation of the prior that a match starts from at most [m]: it searches nearby only."""
 
 MAX_CORRECTION_SIGMAS = 5.0
 """Matches farther from the prediction than this are not used."""
@@ -94,11 +104,18 @@ class Tracker:
         self._mean = 1.0
         self._matcher = config.least_squares_matcher
         self._prediction = config.prediction
+        self._open_direction: float | None = None
         self.pose = tf_map_tracking
         self.covariance = covariance
 
-    def move(self, step: Pose) -> None:
-        """Move by what local SLAM measured since the last scan, in the robot's frame."""
+    def move(self, step: Pose, duration: float = 0.0, *, has_odometry: bool = True) -> None:
+        """Move by what local SLAM measured since the last scan, in the robot's frame.
+
+        Parameters
+        ----------
+        duration : since the last scan [s].
+        has_odometry : whether the motion along bare walls was measured at all.
+        """
         pose = compose(self.pose, step)
         length = math.hypot(step.x, step.y)
         dx, dy = pose.x - self.pose.x, pose.y - self.pose.y
@@ -108,6 +125,18 @@ class Tracker:
         noise = np.diag((translation, translation, rotation))
         self.covariance = jacobian @ self.covariance @ jacobian.T + noise
         self.pose = pose
+        if self._open_direction is not None:
+            self._widen(
+                self._open_direction,
+                ALONG_SHARE * length if has_odometry else BLIND_SPEED * duration,
+            )
+
+    def _widen(self, direction: float, sigma: float) -> None:
+        """Add to the standard deviation along a direction of the map."""
+        along = np.array((math.cos(direction), math.sin(direction), 0.0))
+        before = math.sqrt(max(float(along @ self.covariance @ along), 0.0))
+        more = (before + sigma) ** 2 - before**2
+        self.covariance = self.covariance + more * np.outer(along, along)
 
     def correct(self, points: FloatArray, beam_origin: Pose) -> float:
         """Correct the pose by a match to the map; return the agreement there, NaN if none counts.
@@ -166,7 +195,7 @@ class Tracker:
         turn = math.sqrt(float(self.covariance[2, 2]))
         prior = known.to_grid(self.pose)
         prior_information = isotropic_information(
-            max(sigma, PRIOR_SIGMA_M), max(turn, PRIOR_SIGMA_RAD)
+            min(max(sigma, PRIOR_SIGMA_M), MAX_PRIOR_SIGMA_M), max(turn, PRIOR_SIGMA_RAD)
         )
         residual = math.sqrt(max(1.0 - known.usual.score, 0.05))
         match = least_squares.match(
@@ -181,7 +210,10 @@ class Tracker:
                 self._matcher.tolerance,
             ),
         )
-        information = self._without_spurious(match_information(match), *degenerate_direction(match))
+        ratio, direction = degenerate_direction(match)
+        is_open = not is_determined(ratio, self._prediction.spurious_information)
+        self._open_direction = direction + known.tf_map_grid.theta if is_open else None
+        information = self._without_spurious(match_information(match), ratio, direction)
         cos, sin = math.cos(known.tf_map_grid.theta), math.sin(known.tf_map_grid.theta)
         rotation = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
         covariance = rotation @ np.linalg.inv(information) @ rotation.T
