@@ -55,6 +55,9 @@ _threads = ThreadPoolExecutor(NUM_PARTS, thread_name_prefix="places")
 
 _MATCHER = LeastSquaresMatcherConfig()
 
+FAR_M = 1e6
+"""Places farther from the origin of a map's grid are not searched [m]."""
+
 
 class FoundPlace(NamedTuple):
     """A place where scans fit.
@@ -104,10 +107,6 @@ def find(known: KnownMap, points: FloatArray, min_score: float) -> FoundPlace | 
             best = max(found, key=lambda match: match.score)
             return FoundPlace(known.to_map(best.tf_submap_scan), best.score)
     return None
-
-
-FAR_M = 1e6
-"""Places farther from the origin of a map's grid are not searched [m]."""
 
 
 def find_near(

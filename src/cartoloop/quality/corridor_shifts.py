@@ -55,8 +55,8 @@ MIN_MEDIAN_M = 0.25
 """Median shift of displaced runs [m]: below, walls lie within each other's thickness."""
 
 LIMITS = ((4, 0.1), (8, 0.07))
-"""Numbers of displaced runs, and their shares of all, one pair is enough. On the five
-recordings of docs/results.md at most one of 100 is displaced."""
+"""Numbers of displaced runs, and their shares of all: one pair is enough. Where visits agree,
+hardly any run is displaced."""
 
 
 class Runs(NamedTuple):
