@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
+from pathlib import Path
 
 import pytest
 
@@ -154,3 +156,16 @@ def test_a_pose_that_does_not_fit_is_reported(room, log, tmp_path, capsys):
     assert run(given) == 0
 
     assert "--at: the scan does not fit there" in capsys.readouterr().out
+
+
+def test_a_recording_that_is_cut_off_is_reported(room, log, tmp_path, capsys):
+    whole = gzip.compress(Path(log).read_bytes())
+    cut = tmp_path / "cut.log.gz"
+    cut.write_bytes(whole[: len(whole) // 2])
+
+    assert run(["locate", room, str(cut), "--poses", str(tmp_path / "poses.jsonl")]) == 1
+
+    captured = capsys.readouterr()
+    assert "scans" in captured.out
+    assert "the poses are of a part of the recording" in captured.err
+    assert answers_in(tmp_path / "poses.jsonl")

@@ -128,7 +128,7 @@ def locate_command(options: LocateOptions) -> None:
 
     from cartoloop.cli.live_mapping import poses_stream
     from cartoloop.cli.locate_view import open_view, stay_open
-    from cartoloop.cli.mapping import compilation_notice
+    from cartoloop.cli.mapping import compilation_notice, show_problems
     from cartoloop.cli.stop_signals import stop_signals
     from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
@@ -172,6 +172,8 @@ def locate_command(options: LocateOptions) -> None:
                 view.finished()
             run.say(run.summary.text())
             options.report(localizer, run.say)
+            if log is not None and not options.update:
+                show_problems(log, "`cartoloop doctor`")
             if options.update and log is not None:
                 at = run.summary.first_pose
                 update(options.map_, log, loaded, at, stop, compiler, run.say)
@@ -179,6 +181,22 @@ def locate_command(options: LocateOptions) -> None:
             stay_open(view, is_quiet=is_quiet)
     if options.strict and run.summary.pose is None:
         raise typer.Exit(NEVER_LOCATED_STATUS)
+    _require_whole(log)
+
+
+def _require_whole(log: Log | None) -> None:
+    """Check that the recording was read to its end.
+
+    Raises
+    ------
+    InputError
+        A part of it was lost.
+    """
+    from cartoloop.errors import InputError
+
+    problems = () if log is None else log.problems
+    if lost := next((each.message for each in problems if each.severity == "error"), None):
+        raise InputError(f"the poses are of a part of the recording: {lost}")
 
 
 def _locate_recording(log: Log, localizer: Localizer, run: _Run, stop: StopRequest) -> None:

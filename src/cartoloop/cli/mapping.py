@@ -172,20 +172,13 @@ class _Display(RunObserver):
         typer.echo(f"writing {one_line(str(folder))}", err=True)
 
     def saved(self, result: Result, failure: Exception | None) -> None:
-        self._show_problems()
+        show_problems(self._log, "report.json")
         for warning in sensor_warnings(result.report):
             typer.echo(f"warning: {warning}", err=True)
         typer.echo(summary(result.report, self._out))
         show_sessions(result)
         if failure is not None:
             typer.echo(f"the map until the failure is in {one_line(str(self._out))}", err=True)
-
-    def _show_problems(self) -> None:
-        for problem in self._log.problems[:MAX_PROBLEMS_SHOWN]:
-            typer.echo(f"{problem.severity}: {problem.message}", err=True)
-        if self._log.num_problems > MAX_PROBLEMS_SHOWN:
-            rest = self._log.num_problems - MAX_PROBLEMS_SHOWN
-            typer.echo(f"and {rest} more problems; see report.json", err=True)
 
     def _paused_s(self) -> float:
         return self._compiler.seconds + (self._view.paused_s if self._view is not None else 0.0)
@@ -199,7 +192,16 @@ class UnsavedDisplay(_Display):
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         """Show what is wrong with the recording, and no summary."""
-        self._show_problems()
+        show_problems(self._log, "report.json")
+
+
+def show_problems(log: Log, all_of_them: str) -> None:
+    """Print the first problems of a recording, and where all of them are found."""
+    for problem in log.problems[:MAX_PROBLEMS_SHOWN]:
+        typer.echo(f"{problem.severity}: {problem.message}", err=True)
+    if log.num_problems > MAX_PROBLEMS_SHOWN:
+        rest = log.num_problems - MAX_PROBLEMS_SHOWN
+        typer.echo(f"and {rest} more problems; see {all_of_them}", err=True)
 
 
 def show_stage(view: LiveView | None, mapper: Mapper, stage: str | None) -> None:
