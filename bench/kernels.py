@@ -32,6 +32,7 @@ from cartoloop.localisation.known_map import KnownMap
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
+from cartoloop.quality.motion import num_changed
 from cartoloop.quality.pairs import agreement
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
@@ -52,8 +53,8 @@ from cartoloop.submaps.probability_grid import (
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "smooth", "hide", "isolated", "people", "thin", "move", "cast rays",
-    "update cells", "insert", "match", "correlative", "wall step",
+    "local SLAM", "filter", "smooth", "hide", "isolated", "people", "outline", "thin", "move",
+    "cast rays", "update cells", "insert", "match", "correlative", "wall step",
     "finish", "precompute", "mean score", "agree", "shift along a corridor", "fit", "changes",
     "displace", "branch and bound", "match again", "compose map", "fade",
 )  # fmt: skip
@@ -157,6 +158,11 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload(
         "people", ("free_standing",), case,
         partial(are_free_standing, data.returns), len(data.returns), "points",
+    )  # fmt: skip
+    yield Workload(
+        "outline", ("outline_distance",), case,
+        partial(num_changed, data.returns + 0.05, data.returns[:-1], data.returns[1:]),
+        len(data.returns), "points",
     )  # fmt: skip
     sensor = compose(tf_local_tracking, data.tf_tracking_sensor)
     returns = moved_points(*tf_local_tracking, data.returns)

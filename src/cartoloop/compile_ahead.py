@@ -26,7 +26,8 @@ from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
-from cartoloop.quality.pairs import agreement
+from cartoloop.quality.motion import num_changed
+from cartoloop.quality.pairs import agreement, cell_grid
 from cartoloop.quality.slides import fits_along
 from cartoloop.runtime.process_memory import relax_gc
 from cartoloop.runtime.stage_timer import StageTimer
@@ -67,7 +68,8 @@ def compile_ahead() -> None:
     scans = slam.node_points.take(np.zeros(1, dtype=np.int64))
     agreement(grids[0], scans, np.zeros((1, 3)), math.inf)
     shifts_in(grids[0], ScanPoints.of([scans[0]]), _RESOLUTION)
-    fits_along(grids[0], ScanPoints.of([scans[0]]), np.array([[1.0, 0.0]]), np.zeros(1))
+    fits_along(cell_grid(grids[0]), ScanPoints.of([scans[0]]), np.array([[1.0, 0.0]]), np.zeros(1))
+    num_changed(scans[0], scans[0][:-1], scans[0][1:])
     one = np.zeros(1, dtype=np.int64)
     fitting_shifts(grids[0], scans, np.zeros((1, 3)), one, np.array([[1.0, 0.0]]))
     _close_loops(every_nth_node=1)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import QualityConfig
+from cartoloop.kernels.map_agreement import CellGrid
 from cartoloop.quality.encounters import encounters
 from cartoloop.quality.examine import examine
 from cartoloop.quality.pairs import compared_pairs, path_lengths
@@ -16,7 +17,6 @@ from cartoloop.quality.slides import NEAR_KNOWN_M, agreeing, near_known, slides
 from cartoloop.quality.verdict import Kind
 from cartoloop.sensor.pose import compose_all
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.submaps.finished_grid import FinishedGrid
 
 CONFIG = QualityConfig()
 
@@ -89,7 +89,7 @@ def test_many_that_scatter_are_chance():
 def test_returns_far_from_what_is_known_do_not_count():
     cells = np.zeros((40, 80), np.uint8)
     cells[:, :40] = 30  # up to x = 2 m; the rest was forgotten
-    grid = FinishedGrid(cells, 0.025, 0.025, 0.05)
+    grid = CellGrid(cells, 0.025, 0.025, 0.05)
     beyond = NEAR_KNOWN_M + 0.05
     points = np.array([(1.0, 1.0), (1.99, 0.5), (2.3, 1.0), (2.0 + beyond, 1.0), (1.0, -beyond)])
 

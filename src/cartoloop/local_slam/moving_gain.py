@@ -9,13 +9,13 @@ free, which may be people, are not compared.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.sensor.events import LaserScan
+from cartoloop.sensor.events import LaserScan, ScanGeometry
 from cartoloop.sensor.free_standing import are_free_standing
 from cartoloop.sensor.range_noise import Noise
 
@@ -123,11 +123,15 @@ def _motions(scan: LaserScan, seconds: float, velocity: tuple[float, float]) -> 
 
 def _points(scan: LaserScan, chosen: BoolArray) -> FloatArray:
     """Return the ends of the chosen beams, frame of the scanner [m]."""
-    ranges, bearings = scan.ranges[chosen], scan.geometry.angles[chosen]
-    points: FloatArray = ranges[:, np.newaxis] * np.column_stack(
-        (np.cos(bearings), np.sin(bearings))
-    )
+    points: FloatArray = scan.ranges[chosen][:, np.newaxis] * _directions(scan.geometry)[chosen]
     return points
+
+
+@lru_cache(maxsize=8)
+def _directions(geometry: ScanGeometry) -> FloatArray:
+    """Return the unit vectors of all beams, frame of the scanner."""
+    angles = geometry.angles
+    return np.column_stack((np.cos(angles), np.sin(angles)))
 
 
 def _beams(scan: LaserScan, bearings: FloatArray) -> IntArray:

@@ -57,15 +57,15 @@ class Scanner:
 
     def change_since(self, time: float) -> float:
         """Return the median change of the ranges since a time [m]; inf if it is not known."""
-        both = self._ranges_since(time)
-        return float(np.median(np.abs(both[1] - both[0]))) if both.size else math.inf
+        before, now = self._ranges_since(time)
+        return float(np.median(np.abs(now - before))) if before.size else math.inf
 
     def changed_share_since(self, time: float) -> float:
         """Return the share of the ranges that have changed since a time; 0 if it is not known."""
-        both = self._ranges_since(time)
-        if not both.size:
+        before, now = self._ranges_since(time)
+        if not before.size:
             return 0.0
-        return float(np.mean(have_changed(both[0], both[1], self.noise)))
+        return int(np.count_nonzero(have_changed(before, now, self.noise))) / before.size
 
     def explained_since(self, time: float, velocity: tuple[float, float]) -> Explained:
         """Return how much of the scan rest and motion since a time explain; all if not known.
@@ -86,14 +86,14 @@ class Scanner:
             return None
         return first if len(first.scan.ranges) == len(self.recent[-1].scan.ranges) else None
 
-    def _ranges_since(self, time: float) -> FloatArray:
-        """Return ranges of the same beams in the first scan since a time and now, shape (2, n)."""
+    def _ranges_since(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Return ranges of the same beams in the first scan since a time and now, shapes (n,)."""
         first = self._first_since(time)
         if first is None:
-            return np.empty((2, 0))
+            return np.empty(0), np.empty(0)
         last = self.recent[-1]
         is_both = first.is_comparable & last.is_comparable
-        return np.stack((first.scan.ranges[is_both], last.scan.ranges[is_both]))
+        return first.scan.ranges[is_both], last.scan.ranges[is_both]
 
     @classmethod
     def of(cls, config: LocalSlamConfig) -> Self:

@@ -10,6 +10,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.global_slam.sparse_scans import TURN_STEP_M
+from cartoloop.kernels.outline_distance import count_apart
 from cartoloop.quality.pairs import MapContent
 from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, wrap_angles
 from cartoloop.sensor.time_repair import repair_times
@@ -311,11 +312,18 @@ def changed_share(content: MapContent, one: int, other: int, max_range: float = 
     seen = seen[_is_in_view(np.arctan2(seen[:, 1], seen[:, 0]), bearings[order])]
     if len(seen) < 5:
         return 0.0
-    along = ends - starts
-    share = np.sum((seen[:, np.newaxis] - starts) * along, axis=2) / np.sum(along**2, axis=1)
-    nearest = starts + np.clip(share, 0.0, 1.0)[..., np.newaxis] * along
-    apart = np.hypot(*np.moveaxis(seen[:, np.newaxis] - nearest, 2, 0)).min(axis=1)
-    return float(np.mean(apart > CHANGED_M))
+    return num_changed(seen, starts, ends) / len(seen)
+
+
+def num_changed(points: FloatArray, starts: FloatArray, ends: FloatArray) -> int:
+    """Return how many returns are not on an outline.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2) [m].
+    starts, ends : float64, shapes (k, 2), of its edges, which have a length [m].
+    """
+    return count_apart(points, starts, ends, CHANGED_M)
 
 
 def _is_in_view(bearings: FloatArray, outline: FloatArray) -> BoolArray:

@@ -11,12 +11,11 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
-from cartoloop.kernels.map_agreement import count_along
+from cartoloop.kernels.map_agreement import CellGrid, count_along
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.pairs import WALL, MapContent, cell_grid, cell_value
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.submaps.finished_grid import FinishedGrid
 
 REACHES_M, STEP_M = (5.0, 8.0), 0.1
 """Displacements that are tried [m]: far ones are rarer, and more of them fit by chance."""
@@ -71,7 +70,7 @@ def slides(
     shifts: FloatArray = STEP_M * np.arange(-count, count + 1, dtype=np.float64)
     for submap in np.unique(submaps).tolist():
         rows = chosen[submaps == submap]
-        grid = content.submap_grids[submap]
+        grid = cell_grid(content.submap_grids[submap])
         groups = [
             near_known(_points(met, row, scans, config.max_range), grid) for row in rows.tolist()
         ]
@@ -92,7 +91,7 @@ def slides(
 
 
 def fits_along(
-    grid: FinishedGrid, batch: ScanPoints, directions: FloatArray, shifts: FloatArray
+    grid: CellGrid, batch: ScanPoints, directions: FloatArray, shifts: FloatArray
 ) -> IntArray:
     """Return how many returns of each group lie on walls of a grid after each shift, shape (n, m).
 
@@ -104,7 +103,7 @@ def fits_along(
     """
     counts = np.zeros((len(directions), len(shifts)), dtype=np.int64)
     count_along(
-        cell_grid(grid),
+        grid,
         cell_value(WALL),
         batch.points,
         batch.firsts,
@@ -188,7 +187,7 @@ def _points(met: Encounters, row: int, scans: ScanPoints, max_range: float) -> F
     return near[:: max(1, -(-len(near) // MAX_POINTS))]
 
 
-def near_known(points: FloatArray, grid: FinishedGrid) -> FloatArray:
+def near_known(points: FloatArray, grid: CellGrid) -> FloatArray:
     """Return the points near what a submap has observed, submap frame."""
     cells = grid.cells
     is_near = np.zeros(len(points), dtype=np.bool_)
