@@ -13,6 +13,7 @@ from cartoloop.local_slam.degenerate_direction import (
     constrain_degenerate_direction,
     degenerate_direction,
     is_determined,
+    shows_heading,
     where_prior_leads,
 )
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
@@ -44,6 +45,25 @@ def test_a_square_room_has_no_degenerate_direction():
 
 def test_a_match_without_information_is_degenerate():
     assert degenerate_direction(match_of(np.zeros((3, 3))))[0] == 0.0
+
+
+def information_of(points):
+    """J^T J of points whose residuals are distances along both axes, for a robot at the origin."""
+    rows = [((1.0, 0.0, -y), (0.0, 1.0, x)) for x, y in points]
+    jacobian = np.array(rows).reshape(-1, 3)
+    return jacobian.T @ jacobian
+
+
+@pytest.mark.parametrize(("width", "shown"), [(0.3, False), (20.0, True)])
+def test_a_small_object_shows_no_heading(width, shown):
+    points = [(3.0, y) for y in np.linspace(-0.5 * width, 0.5 * width, 20)]
+    match = match_of(information_of(points))
+    assert match.information[2, 2] > 180.0  # though it does, if the position is known
+    assert shows_heading(match) is shown
+
+
+def test_a_match_without_information_shows_no_heading():
+    assert not shows_heading(match_of(np.zeros((3, 3))))
 
 
 def corridor_match(along=0.06):

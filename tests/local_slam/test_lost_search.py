@@ -41,14 +41,42 @@ def found_at(turn_deg, residual, amply_seen=True):
     return search_as_lost(fit, HERE, 3) is elsewhere
 
 
-@pytest.mark.parametrize("turn_deg", [0.0, 10.0, -10.0])
+@pytest.mark.parametrize("turn_deg", [0.0, 5.0, -5.0])
 def test_a_better_match_at_nearly_the_same_heading_is_believed(turn_deg):
     assert found_at(turn_deg, 1.27 * USUAL)
 
 
-@pytest.mark.parametrize("turn_deg", [30.0, -46.0, 358.0 - 46.0])
+@pytest.mark.parametrize("turn_deg", [7.0, 30.0, -46.0, 358.0 - 46.0])
 def test_a_far_turn_is_not_believed_for_a_poor_match(turn_deg):
     assert not found_at(turn_deg, 1.27 * USUAL)
+
+
+@pytest.mark.parametrize(("here", "slips"), [(1.05, False), (1.6, True)])
+def test_slip_along_a_corridor_is_seen_by_poor_fits(here, slips):
+    """Odometry has gone on by 0.5 m, the robot has not; `here` is how badly the scan fits there."""
+    prior, at_rest = Pose(0.5, 0.0, 0.0), Pose(0.2, 0.0, 0.0)
+    corridor = np.diag((40.0, 1e3, 1e3))
+
+    def refined(start):
+        residual = USUAL if start.x < 0.4 else here * USUAL
+        return LeastSquaresMatch(start, corridor, residual, 1.0, 1)
+
+    fit = SimpleNamespace(
+        settings=MatcherSettings.of(LocalSlamConfig()),
+        prior=prior,
+        prediction=SimpleNamespace(
+            by_odometry=True, fallbacks=lambda: (at_rest, at_rest), over_jump=None
+        ),
+        in_submap=lambda pose: pose,
+        search=lambda centre, window: centre,
+        refine_freely=refined,
+        residual_of_seen=lambda match: match.residual,
+        fits_as_usual=lambda match: match.residual < 1.3 * USUAL,
+        cost_against_prior=lambda match, weight: 0.0,
+    )
+    best = LeastSquaresMatch(prior, corridor, 1.6 * USUAL, 1000.0, 1)
+
+    assert search_as_lost(fit, best, 3).tf_submap_scan.x == pytest.approx(0.2 if slips else 0.5)
 
 
 def test_a_far_turn_is_not_believed_where_little_was_observed():

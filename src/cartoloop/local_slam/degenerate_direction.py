@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The direction along which a match hardly determines the position, as along a corridor."""
+"""What a match hardly determines: the position along a corridor, the heading beside a box."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ it says something about the odometry."""
 ASIDE_SHARE, LEVER_M = 0.25, 1.0
 """Otherwise it may differ from odometry only along that direction: by up to this share across it,
 and by its turn, which counts as the motion of a point at the second distance [m]."""
+
+MIN_HEADING_INFORMATION = 500.0
+"""Curvature over the heading, at the best position for each, from which a match shows the heading
+[1/rad^2]. Scans of rooms have thousands, those of a box in an empty hall tens."""
 
 
 def constrain_degenerate_direction(
@@ -68,6 +72,19 @@ def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
     mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     ratio = max(mean - half, 0.0) / (mean + half) if mean + half > 0.0 else 0.0
     return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+
+
+def shows_heading(match: LeastSquaresMatch) -> bool:
+    """Return whether a match determines the heading, whatever the position is.
+
+    A single box determines it only as far as the odometry knows the position.
+    """
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = match.information.tolist()
+    determinant = xx * yy - xy * xy
+    if determinant <= 0.0:
+        return False
+    by_position = (xt * xt * yy - 2.0 * xt * yt * xy + yt * yt * xx) / determinant
+    return bool(tt - by_position >= MIN_HEADING_INFORMATION)
 
 
 def is_determined(ratio: float, spurious_information: float) -> bool:

@@ -26,7 +26,7 @@ from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.recorded_steps import RecordedSteps
-from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
+from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, follows_odometry
 from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
@@ -199,7 +199,8 @@ class LocalSlam:
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            evidence = self._evidence(match, scanner, filtered.points, by_walls=by_walls)
+            shown = None if match and follows_odometry(match.match, prediction) else match
+            evidence = self._evidence(shown, scanner, filtered.points, by_walls=by_walls)
             if match is not None and match.is_relocated:
                 self.extrapolator.relocate()
                 scanner.distance_meter.forget()
@@ -214,8 +215,8 @@ class LocalSlam:
             scanner.motion_filter.forget()
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
-            information = self._information(match)
-            if match is not None and shows_place(information):
+            information = self._information(shown)
+            if shown is not None and shows_place(information):
                 self._unmatched.clear()
             node = self._insert(scan, filtered.data, pose, information)
             scanner.is_in_map = True

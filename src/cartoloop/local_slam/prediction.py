@@ -45,3 +45,10 @@ def isotropic_information(translation_sigma: float, rotation_sigma: float) -> Fl
     """Return an information matrix as its upper triangle (xx, xy, xt, yy, yt, tt), shape (6,)."""
     translation, rotation = 1.0 / translation_sigma**2, 1.0 / rotation_sigma**2
     return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))
+
+
+def with_rotation_sigma(information: FloatArray, rotation_sigma: float) -> FloatArray:
+    """Return such a matrix with a standard deviation of the rotation [rad], or a smaller one."""
+    stiff = information.copy()
+    stiff[5] = max(float(stiff[5]), rotation_sigma**-2)
+    return stiff

@@ -8,12 +8,15 @@ from typing import NamedTuple
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.degenerate_direction import constrain_degenerate_direction
+from cartoloop.local_slam.degenerate_direction import (
+    constrain_degenerate_direction,
+    shows_heading,
+)
 from cartoloop.local_slam.gap_search import search_after_gap
 from cartoloop.local_slam.lost_heading import LostHeading, is_searched
 from cartoloop.local_slam.lost_search import search_as_lost
 from cartoloop.local_slam.match_records import MatcherMemory
-from cartoloop.local_slam.prediction import Prediction
+from cartoloop.local_slam.prediction import Prediction, with_rotation_sigma
 from cartoloop.local_slam.scan_fit import MatcherSettings, ScanFit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, wrap_angle
@@ -142,10 +145,16 @@ class ScanMatcher:
     def _near_prediction(self, fit: ScanFit) -> LeastSquaresMatch:
         """Return the match by (CS) from the prediction, or from the best pixel if that is better.
 
-        Pixels are searched where the match is poor, or the robot moved far since the last scan.
+        Pixels are searched where the match is poor, or the robot moved far since the last scan. A
+        scan that shows no heading is turned as the odometry says, be it calibrated or not.
         """
         prediction, window = fit.prediction, self._settings.window
         best = fit.refine(fit.prior, fit.prior, prediction.information)
+        if follows_odometry(best, prediction):
+            stiff = with_rotation_sigma(
+                prediction.information, self._settings.prediction.min_rotation_sigma
+            )
+            return fit.refine(fit.prior, fit.prior, stiff)
         is_poor = best.residual > self._typical_residual * window.poor_residual_ratio
         if is_poor or prediction.is_far:
             self.num_correlative += 1
@@ -196,6 +205,11 @@ class ScanMatcher:
             return 0.0
         noise = 1.0 / (self._settings.prediction.pixel_noise * resolution) ** 2
         return noise if prediction.information[0] >= noise else math.inf
+
+
+def follows_odometry(match: LeastSquaresMatch, prediction: Prediction) -> bool:
+    """Return whether a match says nothing that the odometry has not said: it shows no heading."""
+    return prediction.by_odometry and not shows_heading(match)
 
 
 def _may_correct(fit: ScanFit, best: LeastSquaresMatch, found: LeastSquaresMatch) -> bool:
