@@ -11,6 +11,7 @@ import pytest
 from cartoloop.config import QualityConfig
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality import motion
+from cartoloop.quality.blind_stretches import blind_stretches
 from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion_places import blind_places, jump_places
@@ -69,7 +70,7 @@ def test_an_even_drive_has_no_events():
 
     assert motion.gaps(run) == []
     assert motion.jumps(run) == []
-    assert motion.blind_stretches(run) == []
+    assert blind_stretches(run) == []
     assert motion.standing(run) == []
 
 
@@ -228,10 +229,42 @@ def test_scans_without_nodes_in_between_are_a_blind_stretch():
     run = drive()
     run.node_scan_index = np.concatenate((np.arange(40), np.arange(70, 100)))
 
-    [blind] = motion.blind_stretches(run)
+    [blind] = blind_stretches(run)
 
     assert blind.scan == 70
     assert blind.moved == pytest.approx(6.2)
+
+
+def test_a_drive_that_begins_or_ends_unseen_is_blind_there():
+    run = drive()
+    run.node_scan_index = np.arange(30, 60)
+
+    begin, end = blind_stretches(run)
+
+    assert (begin.scan, end.scan) == (30, 99)
+    assert (begin.moved, end.moved) == pytest.approx((6.0, 8.0))
+
+
+def box():
+    """Return the near side of a box, seen by some beams."""
+    return np.column_stack((np.full(15, 4.0), np.linspace(-0.2, 0.2, 15)))
+
+
+def test_nodes_that_show_a_box_only_are_a_blind_stretch():
+    run = drive()
+    run.node_points = [box() if 40 <= node < 70 else room() for node in range(100)]
+
+    [blind] = blind_stretches(run)
+
+    assert blind.scan == 70
+    assert blind.moved == pytest.approx(6.2)
+
+
+def test_coarse_scans_of_a_room_are_not_blind():
+    run = drive()
+    run.node_points = [room()[::8]] * 100
+
+    assert blind_stretches(run) == []
 
 
 @pytest.mark.parametrize(
@@ -248,7 +281,7 @@ def test_a_blind_stretch_needs_visits_and_good_odometry(noise, agrees, severity)
     odometry = {"translation_error_m": 0.01, "metre_noise_m": noise, "measured_metres": 100}
     met = visits([5, 8], [60, 65], not agrees)
 
-    [place] = blind_places(motion.blind_stretches(run), met, odometry, run, QualityConfig())
+    [place] = blind_places(blind_stretches(run), met, odometry, run, QualityConfig())
 
     assert place.severity is severity
 
@@ -256,7 +289,7 @@ def test_a_blind_stretch_needs_visits_and_good_odometry(noise, agrees, severity)
 def test_a_recording_of_a_scan_each_metres_is_not_blind():
     run = drive(speed=3.0, rate=1.0)
 
-    assert motion.blind_stretches(run) == []
+    assert blind_stretches(run) == []
 
 
 @pytest.mark.parametrize(("shift", "changed"), [(0.0, 0.0), (-1.0, 0.25)])

@@ -150,11 +150,6 @@ class ScanMatcher:
         """
         prediction, window = fit.prediction, self._settings.window
         best = fit.refine(fit.prior, fit.prior, prediction.information)
-        if follows_odometry(best, prediction):
-            stiff = with_rotation_sigma(
-                prediction.information, self._settings.prediction.min_rotation_sigma
-            )
-            return fit.refine(fit.prior, fit.prior, stiff)
         is_poor = best.residual > self._typical_residual * window.poor_residual_ratio
         if is_poor or prediction.is_far:
             self.num_correlative += 1
@@ -166,6 +161,11 @@ class ScanMatcher:
                 best = found
         if prediction.stands and prediction.by_odometry:
             best = self._moving(fit, best)
+        if follows_odometry(best, prediction):
+            stiff = with_rotation_sigma(
+                prediction.information, self._settings.prediction.min_rotation_sigma
+            )
+            best = fit.refine(fit.prior, fit.prior, stiff)
         return best
 
     def _moving(self, fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMatch:

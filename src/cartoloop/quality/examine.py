@@ -11,6 +11,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
+from cartoloop.quality.blind_stretches import blind_stretches
 from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.corridor_shifts import shifted_places
 from cartoloop.quality.encounters import Encounters
@@ -55,7 +56,7 @@ def examine(
     known = {event.scan for event in gaps}
     misfits = by_session.events(content, motion.misfits)
     misfits = [event for event in misfits if event.scan not in known]
-    blind = by_session.events(content, motion.blind_stretches)
+    blind = by_session.events(content, blind_stretches)
     stands = by_session.standing(content, motion.standing)
     halls = by_session.corridors_of(content, config.max_range, by_chords=not has_odometry(odometry))
     found = [

@@ -43,9 +43,6 @@ alone."""
 JUMP_SPEED, MIN_JUMP_M = 5.0, 0.7
 """No robot indoors is faster [m/s]; shorter steps are errors of a match [m]."""
 
-MIN_BLIND_M = 2.0
-"""Distance between two nodes from which nothing was matched in between [m]: usually 0.2 to 1 m."""
-
 STANDING_M, STANDING_RAD, MIN_INTERVAL_S = 0.1, 0.1, 3.0
 """Between two nodes of a robot that stands [m], [rad], and the time after which a robot that does
 not move is given a node; nodes of one that moves are 0.2 m apart at least [s]."""
@@ -211,31 +208,6 @@ def jumps(content: MapContent) -> list[Event]:
     return [
         Event(row + 1, float(seconds[row]), float(steps[row]), 0.0)
         for row in np.flatnonzero(fast).tolist()
-    ]
-
-
-def blind_stretches(content: MapContent) -> list[Event]:
-    """Return the distances between consecutive nodes that are too long for scans to overlap."""
-    scans = content.node_scan_index
-    steps = np.hypot(*np.diff(content.local_trajectory[:, :2], axis=0).T)
-    paths = np.concatenate(([0.0], np.cumsum(steps)))
-    between = np.diff(paths[scans])
-    largest = np.array(
-        [
-            steps[first:last].max(initial=0.0)
-            for first, last in zip(scans[:-1].tolist(), scans[1:].tolist(), strict=True)
-        ]
-    )
-    # A recording of a scan a metre has such distances everywhere: its scans do overlap.
-    blind = np.flatnonzero((between > MIN_BLIND_M) & (largest < 0.5 * between))
-    return [
-        Event(
-            int(scans[row + 1]),
-            float(content.stamps[scans[row + 1]] - content.stamps[scans[row]]),
-            float(between[row]),
-            0.0,
-        )
-        for row in blind.tolist()
     ]
 
 

@@ -105,7 +105,7 @@ def blind_places(
     content: MapContent,
     config: QualityConfig,
 ) -> list[Place]:
-    """Return the places where nothing was matched.
+    """Return the places where scans show little or nothing.
 
     Minor ones where visits across them agree and the odometry measures well.
 
@@ -124,7 +124,7 @@ def blind_places(
                 content,
                 Kind.BLIND,
                 Severity.MINOR if is_short or is_held else Severity.DOUBTFUL,
-                f"no scan was matched over {event.moved:.1f} m: they rest on the odometry alone",
+                f"scans show little or nothing over {event.moved:.1f} m: they rest on the odometry",
                 "the surroundings may be farther away than sensor.max_range; drive along a wall, "
                 "or through the place once more",
             )
