@@ -244,6 +244,14 @@ def test_points_of_a_survey_are_far_from_the_origin(east):
     assert apply_edits(one.original).map.graph.num_nodes == len(before)
 
 
+def test_pins_that_tear_the_path_are_warned_of():
+    one = editor()
+    x, y, theta = one.map.graph.node_poses[0].tolist()
+    assert one.pin_node(0, (x, y, theta)).warnings == ()
+    assert one.pin_node(1, (x + 40.0, y, theta)).warnings[0].startswith("the path is torn")
+    assert one.undo(1).warnings == ()
+
+
 def test_a_point_too_far_away_is_named():
     points = [(0, 0, 5e5, 5e6), (8, 0, 32_500_000.0, 5e6)]
 

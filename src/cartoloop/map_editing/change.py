@@ -17,6 +17,7 @@ from cartoloop.global_slam.pose_graph import (
 )
 from cartoloop.map_editing.apply import AnyMap, Applied
 from cartoloop.map_editing.rigid_fit import PointFit
+from cartoloop.quality import by_session, motion
 from cartoloop.sensor.pose import wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 
@@ -115,16 +116,18 @@ def change_of(
         returns=_num_returns(after) - _num_returns(before),
         contradicted=num_contradicted(new),
         fit=fit,
-        warnings=_warnings(number, after, fit),
+        warnings=_warnings(number, before, after, fit),
     )
 
 
-def _warnings(number: int, after: Applied[AnyMap], fit: PointFit | None) -> tuple[str, ...]:
+def _warnings(
+    number: int, before: Applied[AnyMap], after: Applied[AnyMap], fit: PointFit | None
+) -> tuple[str, ...]:
     """Return what the user may not have meant with an edit."""
     found = []
     if fit is not None and fit.is_doubtful:
-        worst = int(np.argmax(fit.distances)) + 1
-        which = f"; point {worst} fits worst" if len(fit.residuals) > 2 else ""
+        largest = int(np.argmax(fit.distances)) + 1
+        which = f"; point {largest} fits worst" if len(fit.residuals) > 2 else ""
         found.append(
             f"the points do not fit the map: one may be mistyped, or x and y exchanged{which}"
         )
@@ -134,6 +137,14 @@ def _warnings(number: int, after: Applied[AnyMap], fit: PointFit | None) -> tupl
         found.append(
             "the map is turned away from the survey, about the origin of its frame; 'undo' turns "
             "it back"
+        )
+    torn_before, torn = (by_session.events(each.map, motion.tears) for each in (before, after))
+    if len(torn) > len(torn_before):
+        worst = max(torn, key=lambda event: event.moved)
+        found.append(
+            f"the path is torn: {worst.moved:.1f} m from one scan to the next at "
+            f"{after.map.stamps[worst.scan]:.3f}, {worst.expected:.1f} m by the scans; pins or "
+            "closures contradict each other"
         )
     return tuple(found)
 
