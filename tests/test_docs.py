@@ -12,6 +12,7 @@ import pytest
 from cartoloop.config import Config
 from cartoloop.config_file import config_toml
 from cartoloop.simulation import corridor, simulate
+from tests.map_editing.edited_map import finished_map
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = (
@@ -83,3 +84,14 @@ def test_the_program_in_the_readme_runs(tmp_path, monkeypatch, capsys):
 
     assert "loops closed" in capsys.readouterr().out
     assert (tmp_path / "intel" / "map.png").exists()
+
+
+def test_the_program_in_the_page_on_editing_runs(tmp_path, monkeypatch, capsys):
+    page = (ROOT / "docs/editing.md").read_text()
+    program = re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]
+    monkeypatch.chdir(tmp_path)
+    finished_map().save("intel")
+
+    exec(program, {})
+
+    assert capsys.readouterr().out.splitlines()[-1].split()[0] in {"good", "doubtful", "wrong"}

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.errors import InputError, UsageError
+from cartoloop.map_editing.apply import apply_edits
 from cartoloop.map_editing.editor import Editor
 from cartoloop.map_file.write import map_bytes
 from cartoloop.sensor.pose import Pose, compose_all, transform_points
@@ -195,7 +196,79 @@ def test_control_points_do_not_scale_the_map():
 
     assert change.fit.scale == pytest.approx(1.25)
     np.testing.assert_allclose(change.fit.distances, (1.0, 1.0))
-    assert "-20.00% larger than the survey" in change.text
+    assert "the map is 20.00% smaller than the survey" in change.text
+
+
+def test_points_that_fit_are_not_called_mistyped():
+    change = editor().set_control_points([(0, 0, 0, 0), (8, 0, 8.3, 0)])
+
+    assert change.warnings == ()
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [(0, 0, 0, 0), (8, 0, 18, 0)],  # 18 for 8
+        [(0, 0, 0, 0), (8, 0, 8, 0), (8, 4, 8, 14)],  # 14 for 4
+        [(0, 0, 0, 0), (100, 0, 108, 0)],
+    ],
+)
+def test_points_that_are_mistyped_are_warned_of(points):
+    [warning] = editor().set_control_points(points).warnings
+
+    assert "one may be mistyped" in warning
+
+
+def test_the_point_that_fits_worst_is_named():
+    points = [(0, 0, 0, 0), (8, 0, 8, 0), (8, 4, 8, 14), (0, 4, 0, 4), (4, 2, 4, 2)]
+
+    change = editor().set_control_points(points)
+
+    assert "warning: the points do not fit the map" in change.text
+    assert "point 3 fits worst" in change.text
+
+
+@pytest.mark.parametrize("east", [3_500_000.25, 10_000_000.0, -9_876_543.5])
+def test_points_of_a_survey_are_far_from_the_origin(east):
+    one = editor()
+    before = one.map.graph.node_poses.copy()
+    points = [(0, 0, east, 9_999_900.0), (8, 0, east, 9_999_908.0)]
+    fit = one.set_control_points(points).fit
+    x, y, _ = one.map.graph.node_poses[3].tolist()
+    one.pin_node(3, (x, y, 0.0))
+    one.undo(1)
+
+    np.testing.assert_allclose(fit.distances, 0.0, atol=1e-8)
+    turned = compose_all(np.array((east, 9_999_900.0, math.pi / 2)), before)
+    np.testing.assert_allclose(one.map.graph.node_poses, turned, atol=1e-8)
+    assert apply_edits(one.original).map.graph.num_nodes == len(before)
+
+
+def test_pins_that_tear_the_path_are_warned_of():
+    one = editor()
+    x, y, theta = one.map.graph.node_poses[0].tolist()
+    assert one.pin_node(0, (x, y, theta)).warnings == ()
+    assert one.pin_node(1, (x + 40.0, y, theta)).warnings[0].startswith("the path is torn")
+    assert one.undo(1).warnings == ()
+
+
+def test_a_point_too_far_away_is_named():
+    points = [(0, 0, 5e5, 5e6), (8, 0, 32_500_000.0, 5e6)]
+
+    with pytest.raises(UsageError, match=r"point 2 is 8\.0 0\.0 32500000\.0 .*beyond 10,000 km"):
+        editor().set_control_points(points)
+
+
+def test_alignment_after_control_points_is_warned_of():
+    one = editor()
+    assert one.align().warnings == ()
+    one.set_control_points([(0, 0, 5, 1), (8, 0, 5, 9)])
+    change = one.align()
+
+    assert "turned away from the survey" in change.text
+    assert one.undo(2).warnings == ()
+    one.undo(0)
+    assert one.redo(0).warnings == ()  # the points are fitted after it
 
 
 def test_control_points_follow_edits_made_before_them():

@@ -20,7 +20,7 @@ from cartoloop.map_output.export import (
     export_map,
     turned,
 )
-from cartoloop.map_output.map_facts import Extent
+from cartoloop.map_output.surveyed_floor import Extent
 from cartoloop.quality.verdict import Kind, Place, Quality, Severity
 from cartoloop.report import Report
 from cartoloop.result import load_map

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.map_output.map_facts import map_facts, surveyed
+from cartoloop.map_output.map_facts import map_facts
 from cartoloop.map_output.occupancy_map import OccupancyMap
+from cartoloop.map_output.surveyed_floor import surveyed
 from cartoloop.quality.verdict import Quality
 from cartoloop.report import InputSummary
 from tests.map_output.small_result import small_result
@@ -28,8 +29,10 @@ def room(width=6.0, height=4.0, sure=0.01):
     return probability
 
 
-def seen(probability):
-    return surveyed(OccupancyMap(probability, -5.0, -7.0, RESOLUTION), FREE_BELOW)
+def seen(probability, path=((1.0, 4.0),)):
+    """What was surveyed of a map, by a robot that was in the room."""
+    grid = OccupancyMap(probability, -5.0, -7.0, RESOLUTION)
+    return surveyed(grid, FREE_BELOW, np.reshape(path, (-1, 2)))
 
 
 def test_extent_of_a_room_includes_its_walls():
@@ -59,7 +62,50 @@ def test_a_map_of_few_scans_has_an_extent_too():
 
 
 def test_a_map_without_anything_seen_has_no_extent():
-    assert surveyed(OccupancyMap(np.full((1, 1), -1.0, np.float32), 0, 0, 0.05), 0.2) == (None, 0.0)
+    nothing = OccupancyMap(np.full((1, 1), -1.0, np.float32), 0, 0, 0.05)
+
+    assert surveyed(nothing, 0.2, np.zeros((1, 2))) == (None, 0.0)
+
+
+def hall_before(probability, free):
+    """The room, and a hall of 10 m left of it that was not passed again; a door is between them."""
+    first = room()
+    first[199:301, 0:101] = 0.99
+    first[200:300, 1:100] = free
+    first[220:260, 100] = free  # the door
+    seen_there = (first >= 0.0) & (probability < 0.0)
+    return np.where(seen_there | (np.arange(600) == 100), first, probability)
+
+
+def test_floor_that_was_passed_once_was_surveyed():
+    path = [(x, 5.0) for x in np.arange(-4.0, 5.0, 0.3)]
+
+    extent, area_m2 = seen(hall_before(room(), free=0.1), path)
+
+    assert (extent.left, extent.right) == (pytest.approx(-5.0), pytest.approx(6.0))
+    assert area_m2 == pytest.approx(5.9 * 3.9 + 4.95 * 5.0, rel=0.05)
+
+
+def test_a_place_seen_through_a_door_in_passing_was_not():
+    extent, area_m2 = seen(hall_before(room(), free=0.15))
+
+    assert extent.left > -1.5  # the robot was 1 m from the door
+    assert area_m2 < 5.9 * 3.9 + 1.5 * 5.0
+
+
+def test_floor_beside_the_start_was_surveyed():
+    path = [(x, 5.0) for x in np.arange(-4.0, 5.0, 0.3)]
+
+    extent, _ = seen(hall_before(room(), free=0.15), path)
+
+    assert extent.left == pytest.approx(-5.0)
+
+
+def test_the_path_lies_in_the_extent():
+    extent, _ = seen(room(), path=[(1.0, 4.0), (np.nan, np.nan), (-4.0, 9.0), (40.0, 4.0)])
+
+    assert (extent.left, extent.right) == (pytest.approx(-4.0), pytest.approx(40.0))
+    assert (extent.bottom, extent.top) == (pytest.approx(3.0), pytest.approx(9.0))
 
 
 def test_facts_are_those_of_the_run():

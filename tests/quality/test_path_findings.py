@@ -14,7 +14,7 @@ from cartoloop.quality import motion
 from cartoloop.quality.blind_stretches import blind_stretches
 from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion_places import blind_places, jump_places
+from cartoloop.quality.motion_places import blind_places, jump_places, tear_places
 from cartoloop.quality.odometry_use import SCALE_LEFT, length_error, scale_error
 from cartoloop.quality.pairs import Pairs
 from cartoloop.quality.verdict import Severity
@@ -186,6 +186,49 @@ def test_jumps_are_faster_than_robots():
 
     assert jump.scan == 50
     assert jump.moved == pytest.approx(2.01, abs=0.01)
+
+
+@dataclass
+class Finished(Run):
+    """A run whose finished trajectory is another than that of local SLAM."""
+
+    finished: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+
+    @property
+    def trajectory(self):
+        return self.finished
+
+
+def finished(run, moved):
+    """Return a run whose scans from the 50th on are elsewhere in the finished map."""
+    poses = run.local_trajectory.copy()
+    poses[50:, :2] += moved
+    return Finished(run.stamps, run.local_trajectory, run.node_scan_index, finished=poses)
+
+
+def test_steps_that_only_the_finished_map_makes_tear_it():
+    run = finished(drive(), (0.0, 3.0))
+    run.finished[51:, 1] += 2.0  # the next step, too
+
+    [tear] = motion.tears(run)
+    [place] = tear_places([tear], run)
+
+    assert motion.jumps(run) == []
+    assert (tear.scan, tear.seconds) == (50, pytest.approx(0.2))
+    assert (tear.moved, tear.expected) == (pytest.approx(3.01, abs=0.01), pytest.approx(0.2))
+    assert place.severity is Severity.DOUBTFUL
+    assert "3.0 m from one scan to the next, 0.2 m by the scans" in place.reason
+
+
+def test_corrections_by_loop_closures_tear_nothing():
+    assert motion.tears(finished(drive(), (0.0, 0.6))) == []
+
+
+def test_a_jump_of_the_scans_is_no_tear():
+    run = drive()
+    run.local_trajectory[50:, 1] += 2.0
+
+    assert motion.tears(finished(run, (0.1, 0.1))) == []
 
 
 def visits(nodes, own_nodes, contradicts):

@@ -14,7 +14,7 @@ from cartoloop.cli.completion import complete_formats
 from cartoloop.cli.options import PictureLayers
 
 if TYPE_CHECKING:
-    from cartoloop.map_output.map_facts import Extent
+    from cartoloop.map_output.surveyed_floor import Extent
 
 AUTO = "auto"
 """Value of options that find the best by themselves."""
@@ -104,7 +104,7 @@ def export_command(options: ExportOptions) -> None:
 def _crop(text: str | None) -> Extent | None:
     if text is None:
         return None
-    from cartoloop.map_output.map_facts import Extent
+    from cartoloop.map_output.surveyed_floor import Extent
 
     try:
         left, bottom, right, top = map(float, text.split(","))

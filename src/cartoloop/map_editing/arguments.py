@@ -20,8 +20,9 @@ MAX_NUMBERS = 10_000
 MAX_NAME = 200
 """Characters of the name of a session, at most."""
 
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
-"""In metres or radians: no building is larger than a thousand kilometres."""
+Coordinate = Annotated[float, Field(ge=-3e7, le=3e7)]
+"""In metres or radians: twice as far as the coordinates that an edit is given, since the map as
+mapped may lie elsewhere."""
 
 Index = Annotated[int, Field(ge=0, lt=2**31)]
 Position = tuple[Coordinate, Coordinate]
@@ -130,7 +131,7 @@ class ForgetArea(Arguments):
     """
 
     corner: PoseOf
-    size: tuple[Annotated[float, Field(gt=0, le=1e6)], Annotated[float, Field(gt=0, le=1e6)]]
+    size: tuple[Annotated[float, Field(gt=0, le=3e7)], Annotated[float, Field(gt=0, le=3e7)]]
 
 
 class Split(Arguments):

@@ -17,6 +17,7 @@ from cartoloop.global_slam.pose_graph import (
 )
 from cartoloop.map_editing.apply import AnyMap, Applied
 from cartoloop.map_editing.rigid_fit import PointFit
+from cartoloop.quality import by_session, motion
 from cartoloop.sensor.pose import wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 
@@ -39,6 +40,7 @@ class Change:
     contradicted : loop closures in the graph that the other constraints contradict now, by more
         than 0.2 m or 1 degree.
     fit : of control points.
+    warnings : what the user may not have meant, a sentence each.
     """
 
     number: int
@@ -53,6 +55,7 @@ class Change:
     returns: int
     contradicted: int
     fit: PointFit | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
@@ -82,6 +85,7 @@ class Change:
             )
         if self.fit is not None:
             lines += _fit_lines(self.fit)
+        lines += [f"  warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
 
 
@@ -112,7 +116,37 @@ def change_of(
         returns=_num_returns(after) - _num_returns(before),
         contradicted=num_contradicted(new),
         fit=fit,
+        warnings=_warnings(number, before, after, fit),
     )
+
+
+def _warnings(
+    number: int, before: Applied[AnyMap], after: Applied[AnyMap], fit: PointFit | None
+) -> tuple[str, ...]:
+    """Return what the user may not have meant with an edit."""
+    found = []
+    if fit is not None and fit.is_doubtful:
+        largest = int(np.argmax(fit.distances)) + 1
+        which = f"; point {largest} fits worst" if len(fit.residuals) > 2 else ""
+        found.append(
+            f"the points do not fit the map: one may be mistyped, or x and y exchanged{which}"
+        )
+    is_fitted = any(earlier < number for earlier in after.fits)
+    edits = after.map.edits[number : number + 1]
+    if is_fitted and any(edit.kind == "align" and not edit.is_undone for edit in edits):
+        found.append(
+            "the map is turned away from the survey, about the origin of its frame; 'undo' turns "
+            "it back"
+        )
+    torn_before, torn = (by_session.events(each.map, motion.tears) for each in (before, after))
+    if len(torn) > len(torn_before):
+        worst = max(torn, key=lambda event: event.moved)
+        found.append(
+            f"the path is torn: {worst.moved:.1f} m from one scan to the next at "
+            f"{after.map.stamps[worst.scan]:.3f}, {worst.expected:.1f} m by the scans; pins or "
+            "closures contradict each other"
+        )
+    return tuple(found)
 
 
 def num_contradicted(graph: PoseGraph) -> int:
@@ -139,7 +173,8 @@ def _fit_lines(fit: PointFit) -> list[str]:
     rms = math.sqrt(float(np.mean(distances**2)))
     last = f"  residuals: root mean square {rms:.3f} m, largest {distances.max():.3f} m"
     if fit.scale > 0.0:
-        larger = round(100.0 * (1.0 / fit.scale - 1.0), 2) + 0.0  # no -0.0
-        last += f"; the map is {larger:+.2f}% larger than the survey, which is left so"
+        word = "larger" if fit.larger >= 0.0 else "smaller"
+        last += f"; the map is {100.0 * abs(fit.larger):.2f}% {word} than the survey, "
+        last += "which is left so"
     lines.append(last)
     return lines

@@ -38,8 +38,13 @@ from cartoloop.plain_text import one_line
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 from cartoloop.session import MAIN_PART, ranges
 
-_MAX_COORDINATE = 1e6
-"""Largest number of a pose or place [m]."""
+_MAX_COORDINATE = 1e7
+"""Largest number of a pose or place [m]: northings of surveyors reach it, and numbers of
+double precision are exact to 2 nm there."""
+
+_TOO_FAR = (
+    "a coordinate is not finite, or beyond 10,000 km; subtract the same whole kilometres from all"
+)
 
 
 class NewEdits(Generic[AnyMap]):
@@ -145,8 +150,11 @@ class NewEdits(Generic[AnyMap]):
                 f"points is {shown(table)}: give 2 to {MAX_NUMBERS} rows x, y, surveyed x, "
                 "surveyed y"
             )
-        if not (np.isfinite(table).all() and np.abs(table).max() <= _MAX_COORDINATE):
-            raise UsageError("points: a coordinate is not finite, or beyond 1,000 km")
+        for number, point in enumerate(table.tolist(), 1):
+            if not all(abs(coordinate) <= _MAX_COORDINATE for coordinate in point):
+                raise UsageError(
+                    f"point {number} is {' '.join(map(str, point))}: {_TOO_FAR} points"
+                )
         poses, nodes = self._map.graph.node_poses, np.flatnonzero(self._map.node_parts == MAIN_PART)
         bound = []
         for x, y, to_x, to_y in table.tolist():
@@ -186,7 +194,7 @@ class NewEdits(Generic[AnyMap]):
         """Return the edit of `editor.Editor.forget_area`."""
         sides = as_numbers((x0, y0, x1, y1), "the area", 4)
         if not all(abs(side) <= _MAX_COORDINATE for side in sides):
-            raise UsageError("the area: a coordinate is not finite, or beyond 1,000 km")
+            raise UsageError("the area: a coordinate is not finite, or beyond 10,000 km")
         left, right = sorted((sides[0], sides[2]))
         bottom, top = sorted((sides[1], sides[3]))
         if left == right or bottom == top:
@@ -264,5 +272,5 @@ def _name(value: object) -> str:
 def _pose(value: object, what: str) -> Pose:
     x, y, theta = as_pose(value, what)
     if not (abs(x) <= _MAX_COORDINATE and abs(y) <= _MAX_COORDINATE):
-        raise UsageError(f"{what} is {shown(value)}: is beyond 1,000 km")
+        raise UsageError(f"{what} is {shown(value)}: {_TOO_FAR} poses")
     return Pose(x, y, wrap_angle(theta))

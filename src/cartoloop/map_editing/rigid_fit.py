@@ -14,6 +14,13 @@ from cartoloop.sensor.pose import Pose, transform_points
 MIN_SPREAD_M = 0.1
 """Points that are closer together do not show by how much the map is turned [m]."""
 
+LARGE_RESIDUAL_M, LARGE_SHARE = 0.5, 0.02
+"""A residual of more than this, and than this share of the distance between the points, is no error
+of a map [m]: a point is another one, or mistyped."""
+
+LARGE_SCALE_ERROR = 0.05
+"""No map is larger or smaller than the survey by this share: a scanner measures lengths better."""
+
 
 @dataclass(frozen=True, slots=True)
 class PointFit:
@@ -24,11 +31,25 @@ class PointFit:
     tf_surveyed_map : the motion.
     residuals : float64, shape (n, 2), surveyed minus moved positions [m].
     scale : by which the map would have to grow to fit best; it does not.
+    spread : twice the distance of the farthest surveyed point from their middle [m].
     """
 
     tf_surveyed_map: Pose
     residuals: FloatArray
     scale: float
+    spread: float
+
+    @property
+    def larger(self) -> float:
+        """By which share the map is larger than the survey, negative where it is smaller."""
+        return 1.0 / self.scale - 1.0 if self.scale > 0.0 else math.inf
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the points agree so badly that one of them is probably wrong."""
+        largest = float(self.distances.max())
+        limit = max(LARGE_RESIDUAL_M, LARGE_SHARE * self.spread)
+        return largest > limit or abs(self.larger) > LARGE_SCALE_ERROR
 
     @property
     def distances(self) -> FloatArray:
@@ -66,4 +87,6 @@ def fit_points(places: FloatArray, surveyed: FloatArray) -> PointFit:
     x, y = (surveyed.mean(axis=0) - turned).tolist()
     tf_surveyed_map = Pose(x, y, angle)
     scale = math.hypot(float(np.sum(cross)), dot) / float(np.sum(from_centre**2))
-    return PointFit(tf_surveyed_map, surveyed - transform_points(tf_surveyed_map, places), scale)
+    residuals = surveyed - transform_points(tf_surveyed_map, places)
+    spread = 2.0 * float(np.hypot(to_centre[:, 0], to_centre[:, 1]).max())
+    return PointFit(tf_surveyed_map, residuals, scale, spread)

@@ -24,12 +24,13 @@ from cartoloop.map_file.file_set import replaced_files
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.main_part import main_scans, main_submaps
-from cartoloop.map_output.map_facts import Extent, map_facts
+from cartoloop.map_output.map_facts import map_facts
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import UNKNOWN, CellBox, OccupancyMap, compose_map
 from cartoloop.map_output.output_folder import prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer, MapPicture
 from cartoloop.map_output.save import png_bytes, write_file
+from cartoloop.map_output.surveyed_floor import Extent
 from cartoloop.map_output.text_files import g2o_text, tum_text
 from cartoloop.sensor.pose import Pose, compose_all, transform_points
 

@@ -7,53 +7,15 @@ from collections.abc import Mapping
 from dataclasses import astuple, dataclass, replace
 from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cartoloop.arrays import BoolArray
 from cartoloop.map_data import MapData
-from cartoloop.map_output.main_part import main_submaps
+from cartoloop.map_output.main_part import main_path, main_submaps
 from cartoloop.map_output.occupancy_map import OccupancyMap, compose_map
-
-_BLOCK_M = 0.4
-"""Edge of the blocks that are known or not [m]: a robot fits in no narrower passage."""
+from cartoloop.map_output.surveyed_floor import Extent, surveyed
 
 AnyMap = TypeVar("AnyMap", bound=MapData)
 
 SURVEYED = "surveyed"
 """Key in the report of a saved map: extent and area of its floor."""
-
-_DENSE = 0.8
-"""A block is surveyed if this share of its cells is known for sure. Rays that stray through a
-window or a mirror diverge, and leave the cells between them unknown, and others doubtful."""
-
-_SURELY_FREE = 0.02
-"""Cells less probably occupied than this were seen free from several places."""
-
-
-@dataclass(frozen=True, slots=True)
-class Extent:
-    """A rectangle along the axes of the map.
-
-    Attributes
-    ----------
-    left, bottom, right, top : its sides [m, map frame].
-    """
-
-    left: float
-    bottom: float
-    right: float
-    top: float
-
-    @property
-    def width(self) -> float:
-        """Along x [m]."""
-        return self.right - self.left
-
-    @property
-    def height(self) -> float:
-        """Along y [m]."""
-        return self.top - self.bottom
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +26,8 @@ class MapFacts:
     ----------
     name : of the recording, "" for a live source.
     finished : whether the run came to its end, with the last pass: neither stopped nor failed.
-    extent : what was surveyed, walls included, without what single rays saw; None if nothing was.
+    extent : what was surveyed, walls and path included, without what single rays saw; None if
+        nothing was.
     area_m2 : of the free floor in it [m^2].
     path_length_m : length of the way [m].
     duration_s : recorded time from the first scan to the last [s].
@@ -126,7 +89,8 @@ def map_facts(result: MapData, occupancy_map: OccupancyMap | None = None) -> Map
     if occupancy_map is None:
         submaps = result.config.local_slam.submaps
         occupancy_map = compose_map(*main_submaps(result), submaps)
-    extent, area_m2 = surveyed(occupancy_map, result.config.map_output.free_thresh)
+    free_below = result.config.map_output.free_thresh
+    extent, area_m2 = surveyed(occupancy_map, free_below, main_path(result)[:, :2])
     return _facts(result, extent, area_m2, occupancy_map.resolution)
 
 
@@ -168,59 +132,3 @@ def with_surveyed(result: AnyMap, facts: MapFacts) -> AnyMap:
     box = None if facts.extent is None else list(astuple(facts.extent))
     extra = result.report.extra | {SURVEYED: {"extent": box, "area_m2": facts.area_m2}}
     return replace(result, report=replace(result.report, extra=extra))
-
-
-def surveyed(occupancy_map: OccupancyMap, free_below: float) -> tuple[Extent | None, float]:
-    """Return the rectangle around what was surveyed, and the area of its floor [m^2].
-
-    Surveyed is where almost all cells of a block are known for sure, and the blocks next to these,
-    which hold the walls; not the rays that stray through a window.
-
-    Parameters
-    ----------
-    occupancy_map : the map.
-    free_below : cells less probably occupied than this are floor.
-    """
-    probability, resolution = occupancy_map.probability, occupancy_map.resolution
-    edge = max(1, round(_BLOCK_M / resolution))
-    free, wall = (probability >= 0.0) & (probability < free_below), probability > 0.5
-    sure = wall | (free & (probability < _SURELY_FREE))
-    dense = _dense_blocks(sure, edge)
-    if not dense.any():  # a few scans only
-        sure = wall | free
-        dense = _dense_blocks(sure, edge)
-    around = _cells_of(_with_neighbours(dense), edge, probability.shape)
-    area_m2 = float(np.count_nonzero(free & around)) * resolution**2
-    seen = sure & around
-    rows, cols = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    if len(rows) == 0:
-        return None, area_m2
-    extent = Extent(
-        left=occupancy_map.origin_x + float(cols[0]) * resolution,
-        bottom=occupancy_map.origin_y + float(rows[0]) * resolution,
-        right=occupancy_map.origin_x + float(cols[-1] + 1) * resolution,
-        top=occupancy_map.origin_y + float(rows[-1] + 1) * resolution,
-    )
-    return extent, area_m2
-
-
-def _dense_blocks(known: BoolArray, edge: int) -> BoolArray:
-    """Return which blocks of `edge` by `edge` cells are known almost as a whole."""
-    num_rows, num_cols = known.shape
-    padded = np.pad(known, ((0, -num_rows % edge), (0, -num_cols % edge)))
-    blocks = padded.reshape(padded.shape[0] // edge, edge, padded.shape[1] // edge, edge)
-    share: NDArray[np.float64] = blocks.mean(axis=(1, 3))
-    return share >= _DENSE
-
-
-def _with_neighbours(blocks: BoolArray) -> BoolArray:
-    """Return the blocks and the eight around each."""
-    padded = np.pad(blocks, 1)
-    rows = padded[:-2] | padded[1:-1] | padded[2:]
-    return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
-
-
-def _cells_of(blocks: BoolArray, edge: int, shape: tuple[int, ...]) -> BoolArray:
-    """Return which cells lie in blocks."""
-    cells = np.repeat(np.repeat(blocks, edge, axis=0), edge, axis=1)
-    return cells[: shape[0], : shape[1]]

@@ -52,7 +52,9 @@ def examine(
     met, seen, consecutive, paths = compare_visits(content, scans, config)
     share_of_all = _share(met, seen)
     share = max(_share(met), share_of_all)
-    gaps, jumps = (by_session.events(content, find) for find in (motion.gaps, motion.jumps))
+    gaps, jumps, tears = (
+        by_session.events(content, find) for find in (motion.gaps, motion.jumps, motion.tears)
+    )
     known = {event.scan for event in gaps}
     misfits = by_session.events(content, motion.misfits)
     misfits = [event for event in misfits if event.scan not in known]
@@ -70,6 +72,7 @@ def examine(
         *motion_places.gap_places(gaps, content),
         *motion_places.misfit_places(misfits, met, content),
         *motion_places.jump_places(jumps, met, content),
+        *motion_places.tear_places(tears, content),
         *motion_places.blind_places(blind, met, odometry, content, config),
         *motion_places.standing_places(stands, halls, odometry, content),
         *corridor_places(
@@ -88,7 +91,7 @@ def examine(
         "consecutive_pairs": float(len(consecutive)),
         "consecutive_contradicted_share": float(np.mean(bad)) if len(bad) else 0.0,
         "gaps": float(len(gaps) + len(misfits)),
-        "jumps": float(len(jumps)),
+        "jumps": float(len(jumps) + len(tears)),
         "unmatched_m": float(sum(event.moved for event in blind)),
         "corridor_share": float(np.mean(halls.is_corridor)) if len(halls.nodes) else 0.0,
         **_wall_figures(wall_offsets(content.graph.node_poses, scans, paths, config)),

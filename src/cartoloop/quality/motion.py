@@ -199,16 +199,49 @@ def _misfit_limit(content: MapContent, node: int) -> float:
 
 def jumps(content: MapContent) -> list[Event]:
     """Return the steps that are faster than robots are."""
-    stamps, poses = repair_times(content.stamps)[0], content.local_trajectory
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    seconds = np.maximum(np.diff(stamps), 0.0)
-    # Stamps may run backwards or repeat: such steps are judged by the usual interval.
-    usual = _usual_interval(seconds)
-    fast = (steps > MIN_JUMP_M) & (steps > JUMP_SPEED * np.maximum(seconds, usual))
+    seconds = _seconds(content)
+    steps = _steps(content.local_trajectory)
     return [
         Event(row + 1, float(seconds[row]), float(steps[row]), 0.0)
-        for row in np.flatnonzero(fast).tolist()
+        for row in np.flatnonzero(_is_fast(steps, seconds)).tolist()
     ]
+
+
+def tears(content: MapContent) -> list[Event]:
+    """Return the steps of the finished map that are faster than robots are, but not by the scans.
+
+    There the graph contradicts itself; `expected` is the step by the scans. Of such steps in
+    sequence the largest is returned.
+    """
+    seconds = _seconds(content)
+    steps, by_scans = _steps(content.trajectory), _steps(content.local_trajectory)
+    rows = np.flatnonzero(_is_fast(steps, seconds) & (steps > by_scans + MIN_JUMP_M))
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
+    largest = [int(run[np.argmax(steps[run])]) for run in runs]
+    return [
+        Event(row + 1, float(seconds[row]), float(steps[row]), float(by_scans[row]))
+        for row in largest
+    ]
+
+
+def _seconds(content: MapContent) -> FloatArray:
+    """Return the times between the scans [s]; 0 where stamps run backwards."""
+    seconds: FloatArray = np.maximum(np.diff(repair_times(content.stamps)[0]), 0.0)
+    return seconds
+
+
+def _steps(poses: FloatArray) -> FloatArray:
+    """Return the lengths of the steps between poses [m]."""
+    steps: FloatArray = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    return steps
+
+
+def _is_fast(steps: FloatArray, seconds: FloatArray) -> BoolArray:
+    """Return which steps are faster than robots are."""
+    # Stamps may run backwards or repeat: such steps are judged by the usual interval.
+    usual = _usual_interval(seconds)
+    is_fast: BoolArray = (steps > MIN_JUMP_M) & (steps > JUMP_SPEED * np.maximum(seconds, usual))
+    return is_fast
 
 
 class Standing(NamedTuple):

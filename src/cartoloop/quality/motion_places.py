@@ -93,6 +93,23 @@ def jump_places(found: list[Event], met: Encounters, content: MapContent) -> lis
     ][:MAX_PLACES]
 
 
+def tear_places(found: list[Event], content: MapContent) -> list[Place]:
+    """Return the places where the graph tears the path apart, the largest."""
+    return [
+        at_scan(
+            event,
+            content,
+            Kind.JUMP,
+            Severity.DOUBTFUL,
+            f"the path is torn: {event.moved:.1f} m from one scan to the next, "
+            f"{event.expected:.1f} m by the scans",
+            "pins or loop closures contradict each other: `cartoloop edit` undoes a pin or drops "
+            "a closure",
+        )
+        for event in sorted(found, key=lambda event: -event.moved)
+    ][:MAX_PLACES]
+
+
 BRIDGED_BLIND_ERROR_M = 0.15
 """Expected error of a length without a match [m] from which it is doubtful though visits across it
 agree: they hold its ends, not what lies beyond, and the error of the heading comes on top."""
