@@ -20,6 +20,7 @@ from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import find_near
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import SCAN_FILTER
+from cartoloop.localisation.unseen_motion import MotionError, unseen_error
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import MatchOptions, match_information
 from cartoloop.sensor.pose import Pose, compose, wrap_angle
@@ -43,11 +44,6 @@ UNKNOWN_SIGMA_M = 30.0
 """Standard deviation of a match along a corridor without any feature [m]: it is where the
 prediction was, and says nothing. With one metre, the many scans of some seconds would agree to
 centimetres."""
-
-ALONG_SHARE, BLIND_SPEED = 0.05, 1.0
-"""Along such a corridor, the motion by local SLAM is wrong by this share of its length where it
-rests on odometry, and by this speed where there is none [m/s]. These errors add up: they are not
-random from scan to scan."""
 
 MAX_PRIOR_SIGMA_M = 0.5
 """Standard deviation of the prior that a match starts from at most [m]: it searches nearby only."""
@@ -126,14 +122,19 @@ class Tracker:
         self.covariance = jacobian @ self.covariance @ jacobian.T + noise
         self.pose = pose
         if self._open_direction is not None:
-            self._widen(
-                self._open_direction,
-                ALONG_SHARE * length if has_odometry else BLIND_SPEED * duration,
-            )
+            error = unseen_error(step, duration, has_odometry=has_odometry)
+            self._widen(_along(self._open_direction), error.position)
 
-    def _widen(self, direction: float, sigma: float) -> None:
-        """Add to the standard deviation along a direction of the map."""
-        along = np.array((math.cos(direction), math.sin(direction), 0.0))
+    def move_unseen(self, step: Pose, error: MotionError) -> None:
+        """Move by a step that no scan has measured, given by how much it may be wrong."""
+        self._open_direction = None
+        self.move(step)
+        for axis in (_along(0.0), _along(0.5 * math.pi)):
+            self._widen(axis, error.position)
+        self._widen(np.array((0.0, 0.0, 1.0)), error.heading)
+
+    def _widen(self, along: FloatArray, sigma: float) -> None:
+        """Add to the standard deviation along an axis of x, y, theta."""
         before = math.sqrt(max(float(along @ self.covariance @ along), 0.0))
         more = (before + sigma) ** 2 - before**2
         self.covariance = self.covariance + more * np.outer(along, along)
@@ -249,3 +250,8 @@ class Tracker:
         self.pose = Pose(pose.x + x, pose.y + y, wrap_angle(pose.theta + theta))
         updated = (np.eye(3) - gain) @ self.covariance
         self.covariance = 0.5 * (updated + updated.T)
+
+
+def _along(direction: float) -> FloatArray:
+    """Return a direction of the map as an axis of x, y, theta."""
+    return np.array((math.cos(direction), math.sin(direction), 0.0))
