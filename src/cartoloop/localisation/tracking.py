@@ -23,7 +23,7 @@ from cartoloop.localisation.trail import SCAN_FILTER
 from cartoloop.localisation.unseen_motion import MotionError, unseen_error
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import MatchOptions, match_information
-from cartoloop.sensor.pose import Pose, compose, wrap_angle
+from cartoloop.sensor.pose import Pose, compose, relative, wrap_angle
 from cartoloop.sensor.range_filter import thin
 
 DRIFT_M, DRIFT_RAD = 0.01, math.radians(0.15)
@@ -64,10 +64,22 @@ agreement, the pose is searched nearby: local SLAM may have slipped, as where od
 second. The second is what a scan counts in the mean."""
 
 NEARBY_M, NEARBY_RAD = 0.75, math.radians(10.0)
-"""Window of that search, to each side [m], [rad]."""
+"""Window of that search, to each side [m], [rad]. It is two standard deviations of the pose where
+that is more, as after a stretch without anything seen."""
 
-BETTER_SCORE, BETTER_AGREEMENT = 0.02, 0.08
-"""By which score and agreement must be better there."""
+MAX_NEARBY_M, MAX_NEARBY_RAD = 3.0, math.radians(45.0)
+"""The largest such window [m], [rad]."""
+
+REFUTED_AGREEMENT = 0.75
+"""Agreement, relative to the usual one, below which the scan refutes the pose: from there on, what
+is missing may be furniture that was moved, or people."""
+
+NEARBY_AGREEMENT, NEARBY_SCORE = 0.85, 0.8
+"""Agreement and score, relative to the usual ones, that the place nearby must have: where a scan
+fits nowhere, some place always fits a little better."""
+
+BETTER_AGREEMENT = 0.15
+"""By which the agreement must be better there, relative to the usual one."""
 
 MIN_COUNTED = 0.4
 """Share of the returns that the map must show there: where it ends, few returns fit anywhere."""
@@ -151,7 +163,8 @@ class Tracker:
         pose, covariance = self._matched(points)
         fit = known.fit(points, beam_origin, pose)
         usual = fit.agreement / known.usual.agreement
-        if usual < self._mean - DROP and self._finds_nearby(points, beam_origin, fit):
+        is_refuted = usual < min(self._mean - DROP, REFUTED_AGREEMENT)
+        if is_refuted and self._finds_nearby(points, beam_origin, fit):
             pose, covariance = self._matched(points)
             fit = known.fit(points, beam_origin, pose)
             usual = fit.agreement / known.usual.agreement
@@ -172,28 +185,44 @@ class Tracker:
         fit : where least squares led to.
         """
         known = self._known
-        least = fit.score + BETTER_SCORE
-        thinned = thin(points, SCAN_FILTER)
-        found = find_near(known, thinned, self.pose, NEARBY_M, NEARBY_RAD, least)
+        usual, thinned = known.usual, thin(points, SCAN_FILTER)
+        window, turn = self._window()
+        found = find_near(known, thinned, self.pose, window, turn, NEARBY_SCORE * usual.score)
         if found is None:
             return False
         better = known.fit(points, beam_origin, found.tf_map_tracking)
+        least = max(NEARBY_AGREEMENT, fit.agreement / usual.agreement + BETTER_AGREEMENT)
         if (
             better.num_counted < MIN_COUNTED * len(points)
-            or better.agreement < fit.agreement + BETTER_AGREEMENT
-            or better.score < least
+            or better.agreement < least * usual.agreement
+            or better.score < NEARBY_SCORE * usual.score
         ):
             return False
+        # The match that follows says how well the place is known; the pose before, nothing.
+        jump = relative(self.pose, found.tf_map_tracking)
+        sigma = max(math.hypot(jump.x, jump.y), known.grid.resolution)
+        heading = max(abs(jump.theta), PRIOR_SIGMA_RAD)
         self.pose = found.tf_map_tracking
-        sigma = known.grid.resolution
-        self.covariance = np.diag((sigma**2, sigma**2, PRIOR_SIGMA_RAD**2))
+        self.covariance = np.diag((sigma**2, sigma**2, heading**2))
         return True
+
+    def _window(self) -> tuple[float, float]:
+        """Return the window of the search nearby, to each side [m], [rad]."""
+        sigma, turn = self._sigmas()
+        return (
+            min(max(NEARBY_M, 2.0 * sigma), MAX_NEARBY_M),
+            min(max(NEARBY_RAD, 2.0 * turn), MAX_NEARBY_RAD),
+        )
+
+    def _sigmas(self) -> tuple[float, float]:
+        """Return the standard deviations of the pose [m], [rad]."""
+        variances = self.covariance.diagonal()
+        return math.sqrt(float(variances[:2].sum())), math.sqrt(float(variances[2]))
 
     def _matched(self, points: FloatArray) -> tuple[Pose, FloatArray]:
         """Return where the scan fits best near the predicted pose, and the covariance of that."""
         known = self._known
-        sigma = math.sqrt(float(np.trace(self.covariance[:2, :2])))
-        turn = math.sqrt(float(self.covariance[2, 2]))
+        sigma, turn = self._sigmas()
         prior = known.to_grid(self.pose)
         prior_information = isotropic_information(
             min(max(sigma, PRIOR_SIGMA_M), MAX_PRIOR_SIGMA_M), max(turn, PRIOR_SIGMA_RAD)
