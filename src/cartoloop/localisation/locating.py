@@ -146,7 +146,8 @@ class Locating:
         composite = self.motion.trail.composite(0.0)
         if composite is None:
             return None
-        return claim_near(self._known, composite, start, tf_odom_tracking)
+        spurious = self._config.local_slam.prediction.spurious_information
+        return claim_near(self._known, composite, start, tf_odom_tracking, spurious)
 
     def _claim_at_given(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> Claim | None:
         """Return the claim at the pose that a user has given, None without, or if nothing fits."""
