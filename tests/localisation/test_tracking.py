@@ -30,6 +30,16 @@ def test_a_pose_that_slipped_is_found_nearby(tracker):
     assert angle < 1.0
 
 
+def test_a_place_nearby_that_fits_poorly_is_not_taken(tracker):
+    nearby = compose(START, Pose(0.6, -0.3, 0.08))
+    changed = np.concatenate((points(ROOM, START)[::3], points(ROOM, nearby)[1::2]))
+
+    for _ in range(3):
+        tracker.correct(changed, IDENTITY)
+
+    assert apart(START, tracker.pose)[0] < 0.15
+
+
 def test_where_the_map_ends_no_pose_nearby_is_taken(tracker):
     slip = Pose(0.5, -0.4, 0.06)
     slipped = compose(tracker.pose, slip)
@@ -58,15 +68,15 @@ def test_the_covariance_grows_with_the_path(tracker):
     assert np.trace(tracker.covariance) > before
 
 
-CORRIDOR = (((0.0, 0.0), (40.0, 0.0), (40.0, 2.0), (0.0, 2.0)),)
-MIDDLE = Pose(20.0, 1.0, 0.0)
+CORRIDOR = (((0.0, 0.0), (17.5, 0.0), (17.5, 2.0), (0.0, 2.0)),)
+MIDDLE = Pose(8.0, 1.0, 0.0)
 
 
 @pytest.fixture
 def in_corridor():
     """A tracker between bare walls, whose ends are out of sight, and what it sees."""
     seen = points(CORRIDOR, MIDDLE)
-    seen = seen[np.abs(seen[:, 0]) < 8.0]
+    seen = seen[np.abs(seen[:, 0]) < 6.0]
     tracker = Tracker(known_map(CORRIDOR), LocalSlamConfig(), MIDDLE, 1e-3 * np.eye(3))
     tracker.correct(seen, IDENTITY)
     return tracker, seen
@@ -85,6 +95,15 @@ def test_nothing_is_known_along_bare_walls(in_corridor, has_odometry, least, mos
 
     assert least < sigma_along(tracker) < most
     assert np.sqrt(tracker.covariance[1, 1]) < 0.1
+
+
+def test_a_place_found_nearby_stays_open_along_bare_walls(in_corridor):
+    tracker, seen = in_corridor
+    tracker.move(Pose(0.0, 0.6, 0.0))
+    tracker.correct(seen, IDENTITY)
+
+    assert abs(tracker.pose.y - MIDDLE.y) < 0.1
+    assert sigma_along(tracker) > 0.3
 
 
 def test_a_robot_that_stands_with_odometry_stays_known(in_corridor):

@@ -16,7 +16,7 @@ from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.local_motion import LocalScan
 from cartoloop.localisation.moving_returns import MovingReturns
 from cartoloop.localisation.tracking import MAP_SIGMA_M, MAP_SIGMA_RAD, Tracker
-from cartoloop.sensor.pose import IDENTITY, Pose, relative
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 
 FIRST_SIGMA_M, FIRST_SIGMA_RAD = 2.0 * MAP_SIGMA_M, 3.0 * MAP_SIGMA_RAD
 """Standard deviations of a claimed pose [m], [rad]."""
@@ -70,19 +70,24 @@ class Following:
         self._last = scan
         self._moving.add(scan)
 
-    def add(self, scan: LocalScan, *, has_odometry: bool = True) -> None:
-        """Move and correct the pose by the next scan.
+    def predicted(self, scan: LocalScan) -> Pose:
+        """Return the pose at the next scan by local SLAM alone."""
+        if self._last is None:
+            return self.pose
+        step = relative(self._last.tf_local_tracking, scan.tf_local_tracking)
+        return compose(self.pose, step)
 
-        Parameters
-        ----------
-        has_odometry : whether there is any.
-        """
+    def add(self, scan: LocalScan) -> None:
+        """Move and correct the pose by the next scan."""
         step, duration = IDENTITY, 0.0
         if self._last is not None:
             step = relative(self._last.tf_local_tracking, scan.tf_local_tracking)
             duration = scan.time - self._last.time
         self._last = scan
-        self._tracker.move(step, max(duration, 0.0), has_odometry=has_odometry)
+        if scan.unseen is None:
+            self._tracker.move(step, max(duration, 0.0), has_odometry=scan.has_odometry)
+        else:
+            self._tracker.move_unseen(step, scan.unseen)
         self._agreement = math.nan
         if len(scan.points) < MIN_POINTS:
             return

@@ -3,18 +3,36 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+from collections import deque
 from typing import NamedTuple
+
+import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
+from cartoloop.local_slam.gap import is_gap
 from cartoloop.local_slam.local_slam import LocalSlam
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
+from cartoloop.localisation.decision import MIN_POINTS
 from cartoloop.localisation.trail import SCAN_FILTER, Trail
+from cartoloop.localisation.unseen_motion import MotionError, UnseenMotion, unseen_error
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import Pose, relative
 from cartoloop.sensor.range_filter import thin
+
+COVER_M = 0.6
+"""A scan with fewer returns than `MIN_POINTS` beyond this distance [m] is of a cover, or of the
+robot itself: it goes where the robot goes, and would hold local SLAM where it is."""
+
+MAX_READING_AGE_S = 3.0
+"""Odometry that is older than this measures no motion [s]."""
+
+NUM_TIMES = 20
+"""Number of scans whose times show how often there is one."""
 
 
 class LocalScan(NamedTuple):
@@ -27,6 +45,9 @@ class LocalScan(NamedTuple):
     points : float64, shape (n, 2), its returns, thinned [m], tracking frame.
     returns : float64, shape (m, 2), all of them.
     beam_origin : pose of the scanner on the robot.
+    has_odometry : whether odometry has measured the motion since the last scan.
+    unseen : by how much that motion may be wrong if no scan measured it, as this one has hardly any
+        return, or some are missing before it; None otherwise.
     """
 
     stamp: float
@@ -35,6 +56,8 @@ class LocalScan(NamedTuple):
     points: FloatArray
     returns: FloatArray
     beam_origin: Pose
+    has_odometry: bool = True
+    unseen: MotionError | None = None
 
 
 class LocalMotion:
@@ -49,6 +72,7 @@ class LocalMotion:
     ----------
     trail : the latest metres of the path.
     scan : the last scan, None before the first.
+    unseen : the motion since scans have last shown anything.
     """
 
     def __init__(self, config: Config, calibration: SensorCalibration | None) -> None:
@@ -58,6 +82,10 @@ class LocalMotion:
         self._local_slam = self._new_local_slam(calibration)
         self.trail = Trail()
         self.scan: LocalScan | None = None
+        self.unseen = UnseenMotion()
+        self._last: tuple[float, Pose] | None = None
+        self._odometry_time = -math.inf
+        self._times: deque[float] = deque(maxlen=NUM_TIMES)
 
     def _new_local_slam(self, calibration: SensorCalibration | None) -> LocalSlam:
         config = self._config
@@ -78,9 +106,11 @@ class LocalMotion:
         """Forget the path, and keep the calibration."""
         self._local_slam = self._new_local_slam(self.calibration)
         self.trail = Trail()
+        self._last = None
 
     def add_odometry(self, reading: Odometry) -> None:
         """Add a reading."""
+        self._odometry_time = reading.time
         self._local_slam.add_odometry(reading)
 
     def add_imu(self, reading: Imu) -> None:
@@ -97,14 +127,26 @@ class LocalMotion:
         Only jumps of the odometry lead to that; then local SLAM has to begin again.
         """
         try:
-            result = self._local_slam.add_scan(event)
+            result = self._local_slam.add_scan(self._seen(event))
         except InputError:
             return None
         points = thin(result.returns, self._config.local_slam.adaptive_voxel_filter)
         origin = self._beam_origin(event)
         self.trail.add(result.tf_local_tracking, thin(points, SCAN_FILTER), origin)
+        has_odometry = (
+            self._local_slam.extrapolator.odometry.is_trusted
+            and event.time - self._odometry_time <= MAX_READING_AGE_S
+        )
+        pose, last = result.tf_local_tracking, self._last or (event.time, result.tf_local_tracking)
+        step, duration = relative(last[1], pose), event.time - last[0]
+        error = None
+        if len(points) < MIN_POINTS or is_gap(duration, self._times):
+            error = unseen_error(step, duration, has_odometry=has_odometry)
+        self.unseen.add(step, error)
+        self._last = event.time, pose
+        self._times.append(event.time)
         self.scan = LocalScan(
-            event.stamp, event.time, result.tf_local_tracking, points, result.returns, origin
+            event.stamp, event.time, pose, points, result.returns, origin, has_odometry, error
         )
         return self.scan
 
@@ -117,3 +159,22 @@ class LocalMotion:
         if given is not None and geometry.sensor == self._first_sensor:
             return Pose(*given)
         return geometry.tf_tracking_sensor
+
+    def _seen(self, event: LaserScan | PointCloud) -> LaserScan | PointCloud:
+        """Return a scan; without any return if it shows a cover in front of the scanner."""
+        sensor = self._config.sensor
+        most = min(sensor.max_range or sensor.default_max_range, event.geometry.range_max)
+        distances = ranges_of(event)
+        is_return = (distances > 0.0) & (distances < most)
+        if np.count_nonzero(is_return & (distances > COVER_M)) >= MIN_POINTS or not is_return.any():
+            return event
+        if isinstance(event, PointCloud):
+            return dataclasses.replace(event, points=np.full_like(event.points, np.nan))
+        return dataclasses.replace(event, ranges=np.full_like(event.ranges, np.nan))
+
+
+def ranges_of(event: LaserScan | PointCloud) -> FloatArray:
+    """Return how far away what a scan measured is, shape (n,) [m]."""
+    if isinstance(event, LaserScan):
+        return event.ranges
+    return np.asarray(np.linalg.norm(event.points, axis=1), dtype=np.float64)

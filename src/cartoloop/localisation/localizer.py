@@ -133,7 +133,7 @@ class Localizer:
         return self._watch.changes()
 
     def start_near(self, tf_map_tracking: Pose, tf_odom_tracking: Pose | None = None) -> None:
-        """Try a pose at the next scan, and believe it only if the scan fits as well as for a claim.
+        """Try a pose at the next scan, and believe it only if the scan shows that it holds.
 
         Parameters
         ----------

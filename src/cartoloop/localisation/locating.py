@@ -78,6 +78,9 @@ class Locating:
         tf_odom_tracking : the odometry's pose now, None without any.
         """
         scan = self._moved(event)
+        if self.motion.unseen.is_too_long:
+            self._lose_sight(scan, tf_odom_tracking)
+            scan = self._moved(event)
         given = self._claim_at_given(scan, tf_odom_tracking)
         if given is not None:
             self._lose()
@@ -85,7 +88,7 @@ class Locating:
             scan = self._moved(event)
             self._believe(given, scan, is_given=True)
         elif self._following is not None:
-            self._follow(self._following, scan, has_odometry=tf_odom_tracking is not None)
+            self._follow(self._following, scan)
             if self._following.doubt.is_lost:
                 self._num_refuted += not self._following.doubt.is_proved
                 self._lose()
@@ -102,9 +105,16 @@ class Locating:
             scan = self.motion.add_scan(event)
         return scan
 
-    def _follow(self, following: Following, scan: LocalScan, *, has_odometry: bool) -> None:
+    def _lose_sight(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> None:
+        """Begin again, as the robot may be anywhere: near where it was last if a scan fits."""
+        if self._following is not None:
+            pose = self._following.predicted(scan)
+            self.start = StartPose(pose, False, tf_odom_tracking)
+        self._lose()
+
+    def _follow(self, following: Following, scan: LocalScan) -> None:
         """Track the robot, and search for another place while the pose is doubted."""
-        following.add(scan, has_odometry=has_odometry)
+        following.add(scan)
         if following.doubt.is_proved:
             self._num_refuted = 0
         suspect = following.doubt.is_suspect and len(scan.points) >= MIN_POINTS
@@ -136,7 +146,8 @@ class Locating:
         composite = self.motion.trail.composite(0.0)
         if composite is None:
             return None
-        return claim_near(self._known, composite, start, tf_odom_tracking)
+        spurious = self._config.local_slam.prediction.spurious_information
+        return claim_near(self._known, composite, start, tf_odom_tracking, spurious)
 
     def _claim_at_given(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> Claim | None:
         """Return the claim at the pose that a user has given, None without, or if nothing fits."""

@@ -111,7 +111,7 @@ class PoseKeeper:
         self._path, self._localizer, self._warn = path, localizer, warn
         self._has_warned = False
         self._kept_at = -math.inf
-        self._pose: Pose | None = None
+        self._kept: KeptPose | None = None
         if not os.access(path.parent, os.W_OK | os.X_OK):
             raise OutputError(f"{path}: cannot be written; give a file in a folder that can be")
         kept = read_pose_file(path)
@@ -122,7 +122,7 @@ class PoseKeeper:
         """Note an answer, and write its pose now and then."""
         if answer.tf_map_tracking is None:
             return
-        self._pose = answer.tf_map_tracking
+        self._kept = KeptPose(answer.tf_map_tracking, self._localizer.odometry_pose)
         if abs(answer.stamp - self._kept_at) >= KEEP_PERIOD_S:
             self._kept_at = answer.stamp
             try:
@@ -134,15 +134,15 @@ class PoseKeeper:
                 self._has_warned = True
 
     def write(self) -> None:
-        """Write the last pose, if there is any.
+        """Write the last pose, if there is any, with the odometry's pose then.
 
         Raises
         ------
         OutputError
             The file cannot be written.
         """
-        if self._pose is not None:
-            write_pose_file(self._path, KeptPose(self._pose, self._localizer.odometry_pose))
+        if self._kept is not None:
+            write_pose_file(self._path, self._kept)
 
 
 def locate_events(

@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cartoloop.local_slam.degenerate_direction import degenerate_direction, is_determined
+from cartoloop.localisation.claim_needs import PLAUSIBLE_DISTINCTNESS
 from cartoloop.localisation.decision import Claim
 from cartoloop.localisation.global_search import FoundPlace, find_near, refine
 from cartoloop.localisation.known_map import KnownMap
@@ -28,7 +30,7 @@ class StartPose(NamedTuple):
     Attributes
     ----------
     tf_map_tracking : of the robot.
-    is_certain : whether a user gave it; otherwise scans must fit as well as for a claim.
+    is_certain : whether a user gave it; otherwise the scan must show the place by itself.
     tf_odom_tracking : the odometry's pose then, if it has continued; None: not known.
     """
 
@@ -46,14 +48,22 @@ class StartPose(NamedTuple):
 
 
 def claim_near(
-    known: KnownMap, composite: Composite, start: StartPose, tf_odom_tracking: Pose | None
+    known: KnownMap,
+    composite: Composite,
+    start: StartPose,
+    tf_odom_tracking: Pose | None,
+    spurious_information: float,
 ) -> Claim | None:
     """Return the best place around a pose to begin with if the scan fits there.
+
+    A scan of bare walls fits all along them: it does not show that a kept pose still holds. What
+    stands at the walls must be there as well.
 
     Parameters
     ----------
     composite : a single scan.
     tf_odom_tracking : the odometry's pose now, None without any.
+    spurious_information : share of the curvature of a match that pixel noise alone makes.
     """
     best: FoundPlace | None = None
     for pose in start.poses(tf_odom_tracking):
@@ -69,5 +79,10 @@ def claim_near(
     pose = known.to_map(match.tf_submap_scan)
     x, y = composite.beam_origins[0].tolist()
     fit = known.fit(composite.points, Pose(x, y, 0.0), pose)
-    least = CERTAIN_AGREEMENT if start.is_certain else KEPT_AGREEMENT
-    return Claim(pose) if fit.agreement >= least * known.usual.agreement else None
+    if start.is_certain:
+        return Claim(pose) if fit.agreement >= CERTAIN_AGREEMENT * known.usual.agreement else None
+    is_distinct = fit.distinctness >= PLAUSIBLE_DISTINCTNESS * known.low_distinctness
+    is_open = not is_determined(degenerate_direction(match)[0], spurious_information)
+    if is_open or not is_distinct:
+        return None
+    return Claim(pose) if fit.agreement >= KEPT_AGREEMENT * known.usual.agreement else None

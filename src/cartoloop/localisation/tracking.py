@@ -20,9 +20,10 @@ from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import find_near
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import SCAN_FILTER
+from cartoloop.localisation.unseen_motion import MotionError, unseen_error
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import MatchOptions, match_information
-from cartoloop.sensor.pose import Pose, compose, wrap_angle
+from cartoloop.sensor.pose import Pose, compose, relative, wrap_angle
 from cartoloop.sensor.range_filter import thin
 
 DRIFT_M, DRIFT_RAD = 0.01, math.radians(0.15)
@@ -44,11 +45,6 @@ UNKNOWN_SIGMA_M = 30.0
 prediction was, and says nothing. With one metre, the many scans of some seconds would agree to
 centimetres."""
 
-ALONG_SHARE, BLIND_SPEED = 0.05, 1.0
-"""Along such a corridor, the motion by local SLAM is wrong by this share of its length where it
-rests on odometry, and by this speed where there is none [m/s]. These errors add up: they are not
-random from scan to scan."""
-
 MAX_PRIOR_SIGMA_M = 0.5
 """Standard deviation of the prior that a match starts from at most [m]: it searches nearby only."""
 
@@ -68,10 +64,22 @@ agreement, the pose is searched nearby: local SLAM may have slipped, as where od
 second. The second is what a scan counts in the mean."""
 
 NEARBY_M, NEARBY_RAD = 0.75, math.radians(10.0)
-"""Window of that search, to each side [m], [rad]."""
+"""Window of that search, to each side [m], [rad]. It is two standard deviations of the pose where
+that is more, as after a stretch without anything seen."""
 
-BETTER_SCORE, BETTER_AGREEMENT = 0.02, 0.08
-"""By which score and agreement must be better there."""
+MAX_NEARBY_M, MAX_NEARBY_RAD = 3.0, math.radians(45.0)
+"""The largest such window [m], [rad]."""
+
+REFUTED_AGREEMENT = 0.75
+"""Agreement, relative to the usual one, below which the scan refutes the pose: from there on, what
+is missing may be furniture that was moved, or people."""
+
+NEARBY_AGREEMENT, NEARBY_SCORE = 0.85, 0.8
+"""Agreement and score, relative to the usual ones, that the place nearby must have: where a scan
+fits nowhere, some place always fits a little better."""
+
+BETTER_AGREEMENT = 0.15
+"""By which the agreement must be better there, relative to the usual one."""
 
 MIN_COUNTED = 0.4
 """Share of the returns that the map must show there: where it ends, few returns fit anywhere."""
@@ -126,14 +134,19 @@ class Tracker:
         self.covariance = jacobian @ self.covariance @ jacobian.T + noise
         self.pose = pose
         if self._open_direction is not None:
-            self._widen(
-                self._open_direction,
-                ALONG_SHARE * length if has_odometry else BLIND_SPEED * duration,
-            )
+            error = unseen_error(step, duration, has_odometry=has_odometry)
+            self._widen(_along(self._open_direction), error.position)
 
-    def _widen(self, direction: float, sigma: float) -> None:
-        """Add to the standard deviation along a direction of the map."""
-        along = np.array((math.cos(direction), math.sin(direction), 0.0))
+    def move_unseen(self, step: Pose, error: MotionError) -> None:
+        """Move by a step that no scan has measured, given by how much it may be wrong."""
+        self._open_direction = None
+        self.move(step)
+        for axis in (_along(0.0), _along(0.5 * math.pi)):
+            self._widen(axis, error.position)
+        self._widen(np.array((0.0, 0.0, 1.0)), error.heading)
+
+    def _widen(self, along: FloatArray, sigma: float) -> None:
+        """Add to the standard deviation along an axis of x, y, theta."""
         before = math.sqrt(max(float(along @ self.covariance @ along), 0.0))
         more = (before + sigma) ** 2 - before**2
         self.covariance = self.covariance + more * np.outer(along, along)
@@ -150,7 +163,8 @@ class Tracker:
         pose, covariance = self._matched(points)
         fit = known.fit(points, beam_origin, pose)
         usual = fit.agreement / known.usual.agreement
-        if usual < self._mean - DROP and self._finds_nearby(points, beam_origin, fit):
+        is_refuted = usual < min(self._mean - DROP, REFUTED_AGREEMENT)
+        if is_refuted and self._finds_nearby(points, beam_origin, fit):
             pose, covariance = self._matched(points)
             fit = known.fit(points, beam_origin, pose)
             usual = fit.agreement / known.usual.agreement
@@ -171,28 +185,44 @@ class Tracker:
         fit : where least squares led to.
         """
         known = self._known
-        least = fit.score + BETTER_SCORE
-        thinned = thin(points, SCAN_FILTER)
-        found = find_near(known, thinned, self.pose, NEARBY_M, NEARBY_RAD, least)
+        usual, thinned = known.usual, thin(points, SCAN_FILTER)
+        window, turn = self._window()
+        found = find_near(known, thinned, self.pose, window, turn, NEARBY_SCORE * usual.score)
         if found is None:
             return False
         better = known.fit(points, beam_origin, found.tf_map_tracking)
+        least = max(NEARBY_AGREEMENT, fit.agreement / usual.agreement + BETTER_AGREEMENT)
         if (
             better.num_counted < MIN_COUNTED * len(points)
-            or better.agreement < fit.agreement + BETTER_AGREEMENT
-            or better.score < least
+            or better.agreement < least * usual.agreement
+            or better.score < NEARBY_SCORE * usual.score
         ):
             return False
+        # The match that follows says how well the place is known; the pose before, nothing.
+        jump = relative(self.pose, found.tf_map_tracking)
+        sigma = max(math.hypot(jump.x, jump.y), known.grid.resolution)
+        heading = max(abs(jump.theta), PRIOR_SIGMA_RAD)
         self.pose = found.tf_map_tracking
-        sigma = known.grid.resolution
-        self.covariance = np.diag((sigma**2, sigma**2, PRIOR_SIGMA_RAD**2))
+        self.covariance = np.diag((sigma**2, sigma**2, heading**2))
         return True
+
+    def _window(self) -> tuple[float, float]:
+        """Return the window of the search nearby, to each side [m], [rad]."""
+        sigma, turn = self._sigmas()
+        return (
+            min(max(NEARBY_M, 2.0 * sigma), MAX_NEARBY_M),
+            min(max(NEARBY_RAD, 2.0 * turn), MAX_NEARBY_RAD),
+        )
+
+    def _sigmas(self) -> tuple[float, float]:
+        """Return the standard deviations of the pose [m], [rad]."""
+        variances = self.covariance.diagonal()
+        return math.sqrt(float(variances[:2].sum())), math.sqrt(float(variances[2]))
 
     def _matched(self, points: FloatArray) -> tuple[Pose, FloatArray]:
         """Return where the scan fits best near the predicted pose, and the covariance of that."""
         known = self._known
-        sigma = math.sqrt(float(np.trace(self.covariance[:2, :2])))
-        turn = math.sqrt(float(self.covariance[2, 2]))
+        sigma, turn = self._sigmas()
         prior = known.to_grid(self.pose)
         prior_information = isotropic_information(
             min(max(sigma, PRIOR_SIGMA_M), MAX_PRIOR_SIGMA_M), max(turn, PRIOR_SIGMA_RAD)
@@ -249,3 +279,8 @@ class Tracker:
         self.pose = Pose(pose.x + x, pose.y + y, wrap_angle(pose.theta + theta))
         updated = (np.eye(3) - gain) @ self.covariance
         self.covariance = 0.5 * (updated + updated.T)
+
+
+def _along(direction: float) -> FloatArray:
+    """Return a direction of the map as an axis of x, y, theta."""
+    return np.array((math.cos(direction), math.sin(direction), 0.0))
