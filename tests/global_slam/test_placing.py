@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.config import JoinConfig, WideSearchConfig
-from cartoloop.global_slam.hypotheses import Candidate
+from cartoloop.global_slam.hypotheses import Candidate, heaviest_clique
 from cartoloop.global_slam.placing import (
+    MAX_SET,
     Claim,
     agreement,
     evidence_of,
@@ -22,6 +23,7 @@ from cartoloop.global_slam.placing import (
 )
 from cartoloop.sensor.pose import Pose, compose
 
+MODULE = "cartoloop.global_slam.placing"
 JOIN, WIDE = JoinConfig(), WideSearchConfig()
 
 
@@ -150,3 +152,35 @@ def test_places_that_were_not_refused_count_in_full():
     found = placement(claims, [], JOIN, WIDE, refused_weight=0.25)
     assert found.rival == pytest.approx(0.4)
     assert is_ambiguous(found, JOIN)
+
+
+def test_claims_are_compared_with_each_other_once(monkeypatch):
+    compared = []
+
+    def counted(claims, wide):
+        compared.append(len(claims))
+        return agreement(claims, wide)
+
+    monkeypatch.setattr(f"{MODULE}.agreement", counted)
+    claims = along((1.0, 2.0, 0.5)) + along((30.0, 2.0, 0.5), count=3, first=5)
+
+    found = placement(claims, [Pose(60.0, 0.0, 0.0)], JOIN, WIDE)
+
+    assert (found.evidence, found.rival) == (pytest.approx(0.5), pytest.approx(0.3))
+    assert compared == [8]
+
+
+def test_a_set_of_claims_is_searched_once(monkeypatch):
+    searched = []
+
+    def counted(agrees, weights):
+        searched.append(len(weights))
+        return heaviest_clique(agrees, weights)
+
+    monkeypatch.setattr(f"{MODULE}.heaviest_clique", counted)
+    claims = along((1.0, 2.0, 0.5), count=60, evidence=0.1)
+
+    found = placement(claims, [], JOIN, WIDE)
+
+    assert len(found.claims) == MAX_SET
+    assert searched == [MAX_SET]

@@ -38,10 +38,10 @@ def join_parts_left(
         announce("searching parts in each other again")
         joining.start(graph)
         close_loops()
-    for _ in range(MAX_FOLLOWING):
+    for number in range(MAX_FOLLOWING):
         if not joins.is_needed:
             break
-        announce("following places where parts may fit")
+        announce(f"following places where parts may fit, {number + 1} of {MAX_FOLLOWING}")
         if not joining.follow(graph):
             break
         joining.start(graph)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import JoinConfig, WideSearchConfig
 from cartoloop.global_slam.hypotheses import Candidate, heaviest_clique
 from cartoloop.sensor.pose import Pose, compose, inverse, relative_all, wrap_angle, wrap_angles
@@ -79,15 +79,24 @@ def placement(
     refused_weight : share of the evidence of these that counts against others: all of it, unless
         the geometry will be examined strictly.
     """
-    left = [claim for claim in claims if not any(is_same(claim, pose, wide) for pose in refused)]
-    best = _heaviest(left, wide)
-    if best is None:
+    if not claims:
         return None
-    chosen = [left[i] for i in best]
+    agrees, evidence = agreement(claims, wide), np.array([claim.evidence for claim in claims])
+    is_left = np.array(
+        [not any(is_same(claim, pose, wide) for pose in refused) for claim in claims]
+    )
+    best = _heaviest(agrees, evidence, np.flatnonzero(is_left))
+    if not best:
+        return None
+    chosen = [claims[i] for i in best]
     strongest = max(chosen, key=lambda claim: (claim.evidence, -claim.candidate.row))
     pose = strongest.tf_one_other
-    # Where a place that fits was refused, places look alike: what it had counts against others.
-    rival = max(refused_weight * _elsewhere(claims, pose, wide), _elsewhere(left, pose, wide))
+    is_elsewhere = np.array([not is_same(claim, pose, wide) for claim in claims])
+    rival = _most(agrees, evidence, np.flatnonzero(is_left & is_elsewhere))
+    if not is_left.all():
+        # Where a place that fits was refused, places look alike: what it had counts against others.
+        of_all = _most(agrees, evidence, np.flatnonzero(is_elsewhere))
+        rival = max(refused_weight * of_all, rival)
     places = np.array([claim.tf_one_scan[:2] for claim in chosen])
     extent = np.hypot(*np.moveaxis(places[:, np.newaxis] - places, 2, 0)).max()
     return Placement(
@@ -99,11 +108,9 @@ def placement(
     )
 
 
-def _elsewhere(claims: Sequence[Claim], tf_one_other: Pose, wide: WideSearchConfig) -> float:
-    """Return the evidence of the best set of claims about another place."""
-    others = [claim for claim in claims if not is_same(claim, tf_one_other, wide)]
-    rival = _heaviest(others, wide)
-    return sum(others[i].evidence for i in rival) if rival is not None else 0.0
+def _most(agrees: BoolArray, evidence: FloatArray, rows: IntArray) -> float:
+    """Return the evidence of the best set of some claims."""
+    return float(sum(evidence[_heaviest(agrees, evidence, rows)].tolist()))
 
 
 def why_not_believed(found: Placement | None, join: JoinConfig, wide: WideSearchConfig) -> str:
@@ -154,25 +161,33 @@ def agreement(claims: Sequence[Claim], wide: WideSearchConfig) -> BoolArray:
     return both
 
 
-def _heaviest(claims: Sequence[Claim], wide: WideSearchConfig) -> list[int] | None:
-    """Return the set of claims that agree with the most evidence, ascending; None without any."""
-    if not claims:
-        return None
-    agrees = agreement(claims, wide)
-    weights = np.array([claim.evidence for claim in claims])
+def _heaviest(agrees: BoolArray, evidence: FloatArray, rows: IntArray) -> list[int]:
+    """Return the set of claims that agree with the most evidence, ascending; empty without any.
+
+    Parameters
+    ----------
+    agrees, evidence : of all claims.
+    rows : ascending, those to choose from.
+    """
+    agrees, weights = agrees[np.ix_(rows, rows)], evidence[rows]
     support = agrees @ weights
-    best: list[int] | None = None
+    best: list[int] = []
     best_weight = -1.0
+    searched: set[bytes] = set()
     for seed in np.argsort(-support, kind="stable").tolist():
         if support[seed] <= best_weight:
             break  # no set with this claim can be heavier
         near = np.flatnonzero(agrees[seed])
         near = near[np.argsort(-weights[near], kind="stable")][:MAX_SET]
+        # Many claims have the same strongest ones around them.
+        if float(weights[near].sum()) < best_weight or (key := near.tobytes()) in searched:
+            continue
+        searched.add(key)
         members = heaviest_clique(agrees[np.ix_(near, near)], weights[near])
         weight = float(weights[near[members]].sum())
         if weight > best_weight:
             best, best_weight = sorted(near[members].tolist()), weight
-    return best
+    return [int(row) for row in rows[best]]
 
 
 def fitted_pose(claims: Sequence[Claim]) -> Pose:
@@ -197,8 +212,10 @@ def fitted_pose(claims: Sequence[Claim]) -> Pose:
 def evidence_of(claims: Sequence[Claim], tf_one_other: Pose, wide: WideSearchConfig) -> float:
     """Return the evidence of the largest set of claims that agree on about a place."""
     near = [claim for claim in claims if is_same(claim, tf_one_other, wide)]
-    best = _heaviest(near, wide)
-    return sum(near[i].evidence for i in best) if best is not None else 0.0
+    if not near:
+        return 0.0
+    evidence = np.array([claim.evidence for claim in near])
+    return _most(agreement(near, wide), evidence, np.arange(len(near)))
 
 
 def is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
