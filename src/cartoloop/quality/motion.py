@@ -235,7 +235,8 @@ def _seconds(content: MapContent) -> FloatArray:
 
 def _steps(poses: FloatArray) -> FloatArray:
     """Return the lengths of the steps between poses [m]."""
-    return np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    steps: FloatArray = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    return steps
 
 
 def _is_fast(steps: FloatArray, seconds: FloatArray) -> BoolArray:
