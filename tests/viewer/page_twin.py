@@ -67,8 +67,8 @@ class Page:
     def _before(self, kind, payload):
         num_submaps, num_nodes = np.frombuffer(payload, "<u4", 2).tolist()
         submaps = np.frombuffer(payload, "<f8", 3 * num_submaps, 8).reshape(-1, 3)
-        nodes = np.frombuffer(payload, "<f4", 3 * num_nodes, 8 + 24 * num_submaps).reshape(-1, 3)
-        assert len(payload) == 8 + 24 * num_submaps + 12 * num_nodes
+        nodes = np.frombuffer(payload, "<f8", 3 * num_nodes, 8 + 24 * num_submaps).reshape(-1, 3)
+        assert len(payload) == 8 + 24 * num_submaps + 24 * num_nodes
         self._take_answer(MessageType.BEFORE, {"submaps": submaps, "nodes": nodes})
 
     def _take_answer(self, kind, content):
@@ -122,7 +122,7 @@ class Page:
         self._rows(
             "nodes",
             payload,
-            lambda count: np.frombuffer(payload, "<f4", 3 * count, 16).reshape(-1, 3),
+            lambda count: np.frombuffer(payload, "<f8", 3 * count, 16).reshape(-1, 3),
         )
 
     def _node_times(self, kind, payload):
@@ -132,7 +132,7 @@ class Page:
         self._rows(
             "path",
             payload,
-            lambda count: np.frombuffer(payload, "<f4", 3 * count, 16).reshape(-1, 3),
+            lambda count: np.frombuffer(payload, "<f8", 3 * count, 16).reshape(-1, 3),
         )
 
     def _constraints(self, kind, payload):

@@ -79,7 +79,7 @@ def test_poses_and_times():
     times = only(protocol.table_message(MessageType.NODE_TIMES, 0, 3, stamps))
 
     assert struct.unpack("<4I6d", submaps) == (0, 2, 2, 5, *range(6))
-    assert struct.unpack("<4I6f", nodes) == (3, 2, 5, 6, *range(9, 15))
+    assert struct.unpack("<4I6d", nodes) == (3, 2, 5, 6, *range(9, 15))
     assert struct.unpack("<4I2d", times) == (3, 2, 5, 0, 1.5, 2.5)
 
 

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 """Rises when pages made for the protocol before would go wrong."""
 
 FINISHED = 1
@@ -74,9 +74,9 @@ class MessageType(IntEnum):
 
 _TABLE_DTYPES = {
     MessageType.SUBMAP_POSES: "<f8",
-    MessageType.NODES: "<f4",
+    MessageType.NODES: "<f8",
     MessageType.NODE_TIMES: "<f8",
-    MessageType.PATH: "<f4",
+    MessageType.PATH: "<f8",
 }
 
 
@@ -241,7 +241,7 @@ def before_message(
 ) -> bytes:
     """Return the poses of all submaps and nodes before loop closure, shapes (m, 3) and (n, 3)."""
     head = struct.pack("<2I", len(tf_map_submaps), len(tf_map_nodes))
-    poses = _bytes(tf_map_submaps, "<f8"), _bytes(tf_map_nodes, "<f4")
+    poses = _bytes(tf_map_submaps, "<f8"), _bytes(tf_map_nodes, "<f8")
     return message(MessageType.BEFORE, b"".join((head, *poses)))
 
 

@@ -6,7 +6,7 @@
  */
 
 /** The protocol that this page speaks. */
-export const PROTOCOL_VERSION = 2;
+export const PROTOCOL_VERSION = 3;
 
 /** @enum {number} */
 export const Type = Object.freeze({
@@ -105,11 +105,11 @@ const READERS = {
   },
   [Type.NODES]: (buffer, at) => {
     const rows = readRows(buffer, at);
-    return { ...rows, poses: new Float32Array(buffer, at + 16, 3 * rows.count) };
+    return { ...rows, poses: new Float64Array(buffer, at + 16, 3 * rows.count) };
   },
   [Type.PATH]: (buffer, at) => {
     const rows = readRows(buffer, at);
-    return { ...rows, points: new Float32Array(buffer, at + 16, 3 * rows.count) };
+    return { ...rows, points: new Float64Array(buffer, at + 16, 3 * rows.count) };
   },
   [Type.NODE_TIMES]: (buffer, at) => {
     const rows = readRows(buffer, at);
@@ -173,7 +173,7 @@ function readBefore(buffer, at) {
   const end = at + 8 + 24 * numSubmaps;
   return {
     submaps: new Float64Array(buffer.slice(at + 8, end)),
-    nodes: new Float32Array(buffer.slice(end, end + 12 * numNodes)),
+    nodes: new Float64Array(buffer.slice(end, end + 24 * numNodes)),
   };
 }
 

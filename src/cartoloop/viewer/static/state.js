@@ -106,11 +106,11 @@ export class MapState {
     /** Stamp at which each state began [s], and its name. @type {[number, string][]} */
     this.states = [];
     /** x, y, and 1 where a stretch of the path begins. */
-    this.path = new Table(Float32Array, 3);
+    this.path = new Table(Float64Array, 3);
     /** Rises with each change of the path. */
     this.pathVersion = 0;
     this.submapPoses = new Table(Float64Array, 3);
-    this.nodes = new Table(Float32Array, 3);
+    this.nodes = new Table(Float64Array, 3);
     this.times = new Table(Float64Array);
     this.constraints = new Constraints();
     /** First node of each submap. @type {Map<number, number>} */
