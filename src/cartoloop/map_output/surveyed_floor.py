@@ -81,7 +81,8 @@ def surveyed(
     often = wall | (free & (probability < _OFTEN_FREE))
     sure = wall | (free & (probability < _SURELY_FREE))
     beside = _beside(cells / edge, _dense_blocks(known, edge), edge * resolution)
-    joined = _joined(beside, _dense_blocks(often, edge))
+    often_blocks = _dense_blocks(often, edge)
+    joined = _reached(beside, often_blocks, often_blocks.size)
     dense = joined | _dense_blocks(sure, edge)
     if dense.any():
         dense |= beside
@@ -120,23 +121,24 @@ def _beside(path: FloatArray, known: BoolArray, edge_m: float) -> BoolArray:
     known : which blocks are known almost as a whole.
     edge_m : of a block [m].
     """
-    from scipy import ndimage  # heavy, and needed once for a map
-
     cols, rows = np.floor(path).astype(np.int64).T
     inside = (rows >= 0) & (rows < known.shape[0]) & (cols >= 0) & (cols < known.shape[1])
     passed = np.zeros_like(known)
     passed[rows[inside], cols[inside]] = True
-    reach = max(1, round(_BESIDE_PATH_M / edge_m))
-    beside: BoolArray = ndimage.binary_dilation(passed & known, iterations=reach, mask=known)
-    return beside
+    return _reached(passed, known, max(1, round(_BESIDE_PATH_M / edge_m)))
 
 
-def _joined(beside: BoolArray, often: BoolArray) -> BoolArray:
-    """Return which blocks that were seen often are joined by such to those beside the path."""
-    from scipy import ndimage
-
-    joined: BoolArray = ndimage.binary_propagation(beside & often, mask=often)
-    return joined
+def _reached(first: BoolArray, within: BoolArray, max_steps: int) -> BoolArray:
+    """Return which blocks are reached from the first ones, by their sides, within some blocks."""
+    reached = first & within
+    for _ in range(max_steps):
+        around = np.pad(reached, 1)
+        beside = around[:-2, 1:-1] | around[2:, 1:-1] | around[1:-1, :-2] | around[1:-1, 2:]
+        grown = reached | (beside & within)
+        if np.array_equal(grown, reached):
+            break
+        reached = grown
+    return reached
 
 
 def _dense_blocks(known: BoolArray, edge: int) -> BoolArray:
