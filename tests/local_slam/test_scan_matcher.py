@@ -13,9 +13,10 @@ import pytest
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.gap import Gap
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
-from cartoloop.local_slam.scan_matcher import MAX_IGNORED_LOST, ScanMatcher
+from cartoloop.local_slam.scan_matcher import MAX_IGNORED_LOST, ScanMatcher, follows_odometry
 from cartoloop.local_slam.seen_points import values_at
 from cartoloop.scan_matching import correlative
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import (
     Pose,
     compose,
@@ -161,6 +162,17 @@ def test_a_single_box_does_not_turn_the_robot():
     _, y, theta = found.tf_local_tracking
     assert abs(theta) < math.radians(0.3)
     assert y < 3.0 * theta < 0.0
+
+
+@pytest.mark.parametrize(("seen", "follows"), [("room", False), ("box", True)])
+def test_a_match_without_curvature_follows_odometry_if_little_is_seen(seen, follows):
+    """Points on the ridge of a wall have no curvature, however much they show."""
+    match = LeastSquaresMatch(TRUTH, np.zeros((3, 3)), 0.0, 0.0, 1)
+    prediction = Prediction(TRUTH, True, np.zeros(6), lambda: (TRUTH, TRUTH))
+    points = walls(0) if seen == "room" else np.array([(3.0, y) for y in np.linspace(0.0, 0.4, 20)])
+
+    assert follows_odometry(match, prediction, points) is follows
+    assert not follows_odometry(match, prediction._replace(by_odometry=False), points)
 
 
 def test_a_scan_is_not_searched_all_around_after_a_long_step(submap, monkeypatch):

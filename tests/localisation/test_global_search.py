@@ -14,12 +14,14 @@ from cartoloop.localisation.global_search import (
     PLACE_ANGLE_RAD,
     PLACE_DISTANCE_M,
     find,
+    find_near,
     is_same_place,
     list_places,
     runner_up_score,
     search_tiles,
 )
-from cartoloop.sensor.pose import Pose
+from cartoloop.localisation.known_map import KnownMap
+from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.submaps.finished_grid import mean_probability
 from tests.localisation.rooms import BOX, ROOM, START, known_map, points
 
@@ -124,3 +126,15 @@ def test_a_list_that_is_cut_short_has_the_best_place(case, monkeypatch):
 def test_poses_half_a_turn_apart_are_different_places():
     assert is_same_place(Pose(1.0, 2.0, math.pi), Pose(1.5, 2.0, -math.pi))
     assert not is_same_place(Pose(1.0, 2.0, 0.0), Pose(1.0, 2.0, math.pi))
+
+
+def test_a_map_may_lie_at_the_coordinates_of_surveyors():
+    near = known_map(ROOM)
+    x, y, resolution = near.grid.origin_x, near.grid.origin_y, near.grid.resolution
+    far = KnownMap(near.grid.cells, x + 4e5, y + 5e6, resolution, IDENTITY, "far")
+    start = Pose(START.x + 4e5, START.y + 5e6, START.theta)
+
+    found = find_near(far, points(ROOM, START), start, 0.5, 0.2, 0.5)
+
+    assert math.hypot(found.tf_map_tracking.x - start.x, found.tf_map_tracking.y - start.y) < 0.1
+    assert find_near(far, points(ROOM, START), START, 0.5, 0.2, 0.5) is None

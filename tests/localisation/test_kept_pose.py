@@ -66,3 +66,12 @@ def test_a_user_is_believed_along_bare_walls(in_corridor):
 
     assert answer.state is State.LOCATED
     assert apart(MIDDLE, answer.tf_map_tracking)[0] < 1.1
+
+
+def test_a_robot_out_of_sight_may_have_stood_or_moved_on():
+    gone_on, shown = Pose(6.0, 4.0, 0.0), Pose(4.0, 4.0, 0.0)
+    then, now = Pose(1.0, 0.0, 0.0), Pose(1.5, 0.0, 0.0)
+    start = StartPose(gone_on, False, then, shown)
+
+    assert start.poses(None) == [gone_on, shown]
+    assert start.poses(now) == [Pose(6.5, 4.0, 0.0), gone_on, shown]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cartoloop.localisation.answer import State
+from cartoloop.localisation.local_motion import LocalMotion
 from cartoloop.localisation.localizer import Localizer
 from cartoloop.localisation.unseen_motion import UnseenMotion, unseen_error
 from cartoloop.sensor.events import LaserScan
@@ -107,3 +108,21 @@ def test_a_robot_at_rest_with_odometry_stays_where_it_is():
         unseen.add(IDENTITY, unseen_error(IDENTITY, 1.0, has_odometry=True))
 
     assert not unseen.is_too_long
+
+
+def test_slow_scans_begin_again_once_when_nothing_is_seen(room, monkeypatch):
+    begun = []
+    begin_again = LocalMotion.begin_again
+    monkeypatch.setattr(
+        LocalMotion, "begin_again", lambda motion: (begun.append(1), begin_again(motion))
+    )
+    poses = drive(START, 40, step=0.03, turn=0.03)
+    localizer = Localizer(room)
+    for event in events(ROOM, poses, with_odometry=False):
+        slow = replace(event, time=25.0 * event.time, stamp=25.0 * event.stamp)
+        if 10 <= round(10.0 * event.time) < 30:
+            slow = replace(slow, ranges=np.full(GEOMETRY.num_beams, NOTHING))
+        answer = localizer.add(slow)
+
+    assert len(begun) == 1
+    assert answer.state is State.LOCATED

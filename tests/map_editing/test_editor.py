@@ -199,10 +199,9 @@ def test_control_points_do_not_scale_the_map():
     assert "the map is 20.00% smaller than the survey" in change.text
 
 
-def test_points_that_fit_are_not_called_mistyped():
-    change = editor().set_control_points([(0, 0, 0, 0), (8, 0, 8.3, 0)])
-
-    assert change.warnings == ()
+@pytest.mark.parametrize("points", [[(0, 0, 0, 0), (8, 0, 8.3, 0)], [(0, 0, 0, 0), (1, 0, 1.1, 0)]])
+def test_points_that_fit_are_not_called_mistyped(points):
+    assert editor().set_control_points(points).warnings == ()
 
 
 @pytest.mark.parametrize(
@@ -250,6 +249,19 @@ def test_pins_that_tear_the_path_are_warned_of():
     assert one.pin_node(0, (x, y, theta)).warnings == ()
     assert one.pin_node(1, (x + 40.0, y, theta)).warnings[0].startswith("the path is torn")
     assert one.undo(1).warnings == ()
+
+
+def test_a_second_torn_place_is_named_by_itself():
+    one = editor()
+    x, y, theta = one.map.graph.node_poses[0].tolist()
+    one.pin_node(0, (x, y, theta))
+    [first] = one.pin_node(1, (x + 40.0, y, theta)).warnings
+    x, y, theta = one.map.graph.node_poses[-2].tolist()
+    one.pin_node(one.map.graph.num_nodes - 2, (x, y, theta))
+
+    warnings = one.pin_node(one.map.graph.num_nodes - 1, (x + 20.0, y, theta)).warnings
+
+    assert warnings and first not in warnings
 
 
 def test_a_point_too_far_away_is_named():

@@ -299,8 +299,22 @@ def test_nodes_that_show_a_box_only_are_a_blind_stretch():
 
     [blind] = blind_stretches(run)
 
-    assert blind.scan == 70
-    assert blind.moved == pytest.approx(6.2)
+    assert blind.scan == 69
+    assert blind.moved == pytest.approx(5.8)
+
+
+def test_forgotten_returns_do_not_make_a_path_blind():
+    run = drive()
+    run.node_points = [box()] * 100
+
+    assert blind_stretches(run, is_whole=False) == []
+
+
+def test_a_second_scanner_that_sees_little_makes_nothing_blind():
+    run = drive()
+    run.node_points = [box(), room()] * 50
+
+    assert blind_stretches(run) == []
 
 
 def test_coarse_scans_of_a_room_are_not_blind():

@@ -199,7 +199,9 @@ class LocalSlam:
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            shown = None if match and follows_odometry(match.match, prediction) else match
+            shown = match
+            if match and follows_odometry(match.match, prediction, filtered.points):
+                shown = None
             evidence = self._evidence(shown, scanner, filtered.points, by_walls=by_walls)
             if match is not None and match.is_relocated:
                 self.extrapolator.relocate()

@@ -20,6 +20,7 @@ from cartoloop.local_slam.prediction import Prediction, with_rotation_sigma
 from cartoloop.local_slam.scan_fit import MatcherSettings, ScanFit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, wrap_angle
+from cartoloop.sensor.spread import show_little
 from cartoloop.submaps.submap import Submap
 
 LARGE_TURN_RAD = 0.05
@@ -161,7 +162,7 @@ class ScanMatcher:
                 best = found
         if prediction.stands and prediction.by_odometry:
             best = self._moving(fit, best)
-        if follows_odometry(best, prediction):
+        if follows_odometry(best, prediction, fit.points):
             stiff = with_rotation_sigma(
                 prediction.information, self._settings.prediction.min_rotation_sigma
             )
@@ -207,9 +208,16 @@ class ScanMatcher:
         return noise if prediction.information[0] >= noise else math.inf
 
 
-def follows_odometry(match: LeastSquaresMatch, prediction: Prediction) -> bool:
-    """Return whether a match says nothing that the odometry has not said: it shows no heading."""
-    return prediction.by_odometry and not shows_heading(match)
+def follows_odometry(match: LeastSquaresMatch, prediction: Prediction, points: FloatArray) -> bool:
+    """Return whether a match says nothing that the odometry has not said: it shows no heading.
+
+    Its curvature alone does not decide: it vanishes where points lie on the ridge of a wall, too.
+
+    Parameters
+    ----------
+    points : that were matched, float64, shape (n, 2) [m].
+    """
+    return prediction.by_odometry and not shows_heading(match) and show_little(points)
 
 
 def _may_correct(fit: ScanFit, best: LeastSquaresMatch, found: LeastSquaresMatch) -> bool:

@@ -35,6 +35,7 @@ class Following:
     Attributes
     ----------
     doubt : that the pose is right.
+    shown : the pose where a scan has last shown it, tf_map_tracking.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Following:
         self._known = known
         self._tracker = Tracker(known, config, tf_map_tracking, np.diag(variances))
         self._last: LocalScan | None = None
+        self.shown = tf_map_tracking
         self._agreement = math.nan
         low = known.low_agreement / known.usual.agreement
         self.doubt = Doubt(low, is_given=is_given)
@@ -92,6 +94,7 @@ class Following:
         if len(scan.points) < MIN_POINTS:
             return
         self._agreement = self._tracker.correct(scan.points, scan.beam_origin)
+        self.shown = self.pose
         usual = self._known.usual.agreement
         standing = self._agreement / usual
         if not self.doubt.is_proved:

@@ -56,7 +56,7 @@ _threads = ThreadPoolExecutor(NUM_PARTS, thread_name_prefix="places")
 _MATCHER = LeastSquaresMatcherConfig()
 
 FAR_M = 1e6
-"""Places farther from the origin of a map's grid are not searched [m]."""
+"""Places farther from the corner of a map's grid are not searched [m]."""
 
 
 class FoundPlace(NamedTuple):
@@ -125,8 +125,8 @@ def find_near(
     linear_window, angular_window : to each side of the pose [m], [rad].
     """
     # Odometry that has gone astray may lead anywhere, also to where there are no cells.
-    centre = known.to_grid(tf_map_tracking)
-    if not max(abs(centre.x), abs(centre.y)) <= FAR_M:
+    centre, grid = known.to_grid(tf_map_tracking), known.grid
+    if not max(abs(centre.x - grid.origin_x), abs(centre.y - grid.origin_y)) <= FAR_M:
         return None
     found = known.matcher.match(
         points,

@@ -72,7 +72,6 @@ class LocalMotion:
     ----------
     trail : the latest metres of the path.
     scan : the last scan, None before the first.
-    unseen : the motion since scans have last shown anything.
     """
 
     def __init__(self, config: Config, calibration: SensorCalibration | None) -> None:
@@ -82,7 +81,8 @@ class LocalMotion:
         self._local_slam = self._new_local_slam(calibration)
         self.trail = Trail()
         self.scan: LocalScan | None = None
-        self.unseen = UnseenMotion()
+        self._unseen = UnseenMotion()
+        self._has_seen = False
         self._last: tuple[float, Pose] | None = None
         self._odometry_time = -math.inf
         self._times: deque[float] = deque(maxlen=NUM_TIMES)
@@ -102,11 +102,18 @@ class LocalMotion:
         """What is known about the sensors by now."""
         return self._local_slam.calibration
 
+    @property
+    def has_lost_sight(self) -> bool:
+        """Whether what was seen before says nothing any longer of where the robot is."""
+        return self._has_seen and self._unseen.is_too_long
+
     def begin_again(self) -> None:
         """Forget the path, and keep the calibration."""
         self._local_slam = self._new_local_slam(self.calibration)
         self.trail = Trail()
+        self._unseen = UnseenMotion()
         self._last = None
+        self._has_seen = False
 
     def add_odometry(self, reading: Odometry) -> None:
         """Add a reading."""
@@ -142,9 +149,11 @@ class LocalMotion:
         error = None
         if len(points) < MIN_POINTS or is_gap(duration, self._times):
             error = unseen_error(step, duration, has_odometry=has_odometry)
-        self.unseen.add(step, error)
+        self._unseen.add(step, error)
+        self._has_seen = self._has_seen or len(points) >= MIN_POINTS
         self._last = event.time, pose
-        self._times.append(event.time)
+        if event.time not in self._times:  # a scan is added again where the path begins again
+            self._times.append(event.time)
         self.scan = LocalScan(
             event.stamp, event.time, pose, points, result.returns, origin, has_odometry, error
         )

@@ -78,7 +78,7 @@ class Locating:
         tf_odom_tracking : the odometry's pose now, None without any.
         """
         scan = self._moved(event)
-        if self.motion.unseen.is_too_long:
+        if self.motion.has_lost_sight:
             self._lose_sight(scan, tf_odom_tracking)
             scan = self._moved(event)
         given = self._claim_at_given(scan, tf_odom_tracking)
@@ -106,10 +106,10 @@ class Locating:
         return scan
 
     def _lose_sight(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> None:
-        """Begin again, as the robot may be anywhere: near where it was last if a scan fits."""
+        """Begin again, as the robot may be anywhere: first near where it was last, or is by now."""
         if self._following is not None:
             pose = self._following.predicted(scan)
-            self.start = StartPose(pose, False, tf_odom_tracking)
+            self.start = StartPose(pose, False, tf_odom_tracking, self._following.shown)
         self._lose()
 
     def _follow(self, following: Following, scan: LocalScan) -> None:

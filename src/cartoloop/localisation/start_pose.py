@@ -32,19 +32,21 @@ class StartPose(NamedTuple):
     tf_map_tracking : of the robot.
     is_certain : whether a user gave it; otherwise the scan must show the place by itself.
     tf_odom_tracking : the odometry's pose then, if it has continued; None: not known.
+    before : where a scan last showed the robot, which may have stood since; None: not known.
     """
 
     tf_map_tracking: Pose
     is_certain: bool
     tf_odom_tracking: Pose | None = None
+    before: Pose | None = None
 
     def poses(self, tf_odom_tracking: Pose | None) -> list[Pose]:
         """Return the poses to try, given the odometry's pose now."""
-        then = self.tf_odom_tracking
+        then, first = self.tf_odom_tracking, self.tf_map_tracking
+        poses = [first] if self.before is None else [first, self.before]
         if then is None or tf_odom_tracking is None:
-            return [self.tf_map_tracking]
-        moved = compose(self.tf_map_tracking, relative(then, tf_odom_tracking))
-        return [moved, self.tf_map_tracking]
+            return poses
+        return [compose(first, relative(then, tf_odom_tracking)), *poses]
 
 
 def claim_near(

@@ -138,9 +138,16 @@ def _warnings(
             "the map is turned away from the survey, about the origin of its frame; 'undo' turns "
             "it back"
         )
-    torn_before, torn = (by_session.events(each.map, motion.tears) for each in (before, after))
-    if len(torn) > len(torn_before):
-        worst = max(torn, key=lambda event: event.moved)
+    torn_before = {
+        before.map.stamps[tear.scan] for tear in by_session.events(before.map, motion.tears)
+    }
+    torn = [
+        tear
+        for tear in by_session.events(after.map, motion.tears)
+        if after.map.stamps[tear.scan] not in torn_before
+    ]
+    if torn:
+        worst = max(torn, key=lambda tear: tear.moved)
         found.append(
             f"the path is torn: {worst.moved:.1f} m from one scan to the next at "
             f"{after.map.stamps[worst.scan]:.3f}, {worst.expected:.1f} m by the scans; pins or "

@@ -19,7 +19,8 @@ LARGE_RESIDUAL_M, LARGE_SHARE = 0.5, 0.02
 of a map [m]: a point is another one, or mistyped."""
 
 LARGE_SCALE_ERROR = 0.05
-"""No map is larger or smaller than the survey by this share: a scanner measures lengths better."""
+"""No map is larger or smaller than the survey by this share, and by more than a point may be off:
+a scanner measures lengths better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,9 @@ class PointFit:
         """Whether the points agree so badly that one of them is probably wrong."""
         largest = float(self.distances.max())
         limit = max(LARGE_RESIDUAL_M, LARGE_SHARE * self.spread)
-        return largest > limit or abs(self.larger) > LARGE_SCALE_ERROR
+        too_long = abs(self.larger) * self.spread
+        is_scaled = abs(self.larger) > LARGE_SCALE_ERROR and too_long > LARGE_RESIDUAL_M
+        return largest > limit or is_scaled
 
     @property
     def distances(self) -> FloatArray:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,8 @@ def examine(
     known = {event.scan for event in gaps}
     misfits = by_session.events(content, motion.misfits)
     misfits = [event for event in misfits if event.scan not in known]
-    blind = by_session.events(content, blind_stretches)
+    is_whole = not any(edit.kind == "forget_area" and not edit.is_undone for edit in content.edits)
+    blind = by_session.events(content, partial(blind_stretches, is_whole=is_whole))
     stands = by_session.standing(content, motion.standing)
     halls = by_session.corridors_of(content, config.max_range, by_chords=not has_odometry(odometry))
     found = [

@@ -67,11 +67,22 @@ class MapContent(Protocol):
     def submap_parts(self) -> NDArray[np.int64]: ...  # noqa: D102
 
 
+class MapEdit(Protocol):
+    """An edit of a map; the attributes are those of `map_data.Edit`."""
+
+    @property
+    def kind(self) -> str: ...  # noqa: D102
+    @property
+    def is_undone(self) -> bool: ...  # noqa: D102
+
+
 class MappedContent(MapContent, Protocol):
-    """A whole map, with the record of its loop closures."""
+    """A whole map, with the record of its loop closures, and its edits."""
 
     @property
     def closures(self) -> Closures: ...  # noqa: D102
+    @property
+    def edits(self) -> Sequence[MapEdit]: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
