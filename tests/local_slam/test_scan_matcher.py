@@ -165,7 +165,7 @@ def test_a_single_box_does_not_turn_the_robot():
 
 
 @pytest.mark.parametrize(("seen", "follows"), [("room", False), ("box", True)])
-def test_a_match_without_curvature_follows_odometry_if_little_is_seen(seen, follows):
+def test_what_little_is_seen_follows_odometry_if_it_is_flat(seen, follows):
     """Points on the ridge of a wall have no curvature, however much they show."""
     match = LeastSquaresMatch(TRUTH, np.zeros((3, 3)), 0.0, 0.0, 1)
     prediction = Prediction(TRUTH, True, np.zeros(6), lambda: (TRUTH, TRUTH))
