@@ -18,8 +18,8 @@ scans overlap too little for a window of that size."""
 
 FAR_TURN_RAD = math.radians(6.0)
 """From the heading of the odometry to that of a match: a slip of a wheel hardly ever turns the
-robot more from scan to scan [rad]. Scans with a short view, which fit badly at any heading, have
-turned it by 9 to 14 degrees each."""
+robot more from scan to scan [rad]. Scans with a short view, which fit badly at any heading, would
+turn it further and further."""
 
 MAX_TURNED_RESIDUAL_SHARE = 0.75
 """Largest residual of a match at such a heading, as a share of that near the prediction."""

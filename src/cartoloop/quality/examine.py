@@ -59,8 +59,7 @@ def examine(
     known = {event.scan for event in gaps}
     misfits = by_session.events(content, motion.misfits)
     misfits = [event for event in misfits if event.scan not in known]
-    is_whole = not any(edit.kind == "forget_area" and not edit.is_undone for edit in content.edits)
-    blind = by_session.events(content, partial(blind_stretches, is_whole=is_whole))
+    blind = _blind(content)
     stands = by_session.standing(content, motion.standing)
     halls = by_session.corridors_of(content, config.max_range, by_chords=not has_odometry(odometry))
     found = [
@@ -101,6 +100,12 @@ def examine(
     return Quality(
         VERDICTS[worst], tuple(found), {name: round(value, 4) for name, value in figures.items()}
     )
+
+
+def _blind(content: MappedContent) -> list[motion.Event]:
+    """Return the stretches that scans say little about, as far as returns were not forgotten."""
+    is_whole = not any(edit.kind == "forget_area" and not edit.is_undone for edit in content.edits)
+    return by_session.events(content, partial(blind_stretches, is_whole=is_whole))
 
 
 def _visit_figures(
