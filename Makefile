@@ -27,6 +27,8 @@ LOWEST_TESTS := tests/readers tests/map_file tests/live tests/viewer tests/cli/t
 
 # Tests start hundreds of programs: these find modules compiled, whatever the environment says.
 export PYTHONDONTWRITEBYTECODE =
+# Threads of linear algebra wait for each other in loops, which takes a core from other tests.
+export OPENBLAS_NUM_THREADS = 1
 
 .PHONY: demo test test-lowest quick boundscheck coverage check kernels clean
 
