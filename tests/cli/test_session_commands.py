@@ -97,7 +97,9 @@ def test_session_without_a_place_is_kept_apart(own_ring_folder, strange_log, cap
     assert "apart" in capsys.readouterr().out
 
 
-def test_an_interrupted_addition_says_how_to_go_on(own_ring_folder, another_log, capsys, monkeypatch):
+def test_an_interrupted_addition_says_how_to_go_on(
+    own_ring_folder, another_log, capsys, monkeypatch
+):
     def fail(*_, **__):
         raise InputError("the last pass failed")
 
@@ -142,7 +144,9 @@ def test_one_map_cannot_be_merged(ring_folder, tmp_path, capsys):
 
 
 def test_map_that_is_not_there_is_one_line(another_log, tmp_path, capsys):
-    assert run(["map", str(another_log), "--onto", str(tmp_path / "none"), "-o", str(tmp_path)]) == 1
+    assert (
+        run(["map", str(another_log), "--onto", str(tmp_path / "none"), "-o", str(tmp_path)]) == 1
+    )
     assert run(["merge", str(tmp_path / "none"), str(tmp_path), "-o", str(tmp_path / "out")]) == 1
     for line in capsys.readouterr().err.splitlines():
         assert "Traceback" not in line
