@@ -473,14 +473,17 @@ def test_a_recording_that_is_not_there_is_a_row_with_the_reason(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_benchmark_writes_runs_and_a_record(tmp_path, capsys):
-    command = ["robustness", "--only", "worlds", "--worlds", "bare", "--seeds", "1"]
+def test_the_benchmark_writes_runs_and_a_record(tmp_path, capsys, monkeypatch):
+    worlds = simulated_worlds()
+    short = replace(worlds["ring"], options=("ring", "--duration", "30"))
+    monkeypatch.setitem(worlds, "ring", short)
+    command = ["robustness", "--only", "worlds", "--worlds", "ring", "--seeds", "1"]
     assert run([*command, "-o", str(tmp_path)]) == 0
-    assert "| bare " in capsys.readouterr().out
+    assert "| ring " in capsys.readouterr().out
     lines = (tmp_path / "robustness" / "runs.jsonl").read_text().splitlines()
     assert len(lines) == 1
     kept = json.loads(lines[0])
-    assert kept["commands"][0].startswith("cartoloop simulate bare --seed 0 -o ")
+    assert kept["commands"][0].startswith("cartoloop simulate ring --duration 30 --seed 0 -o ")
     assert kept["commands"][1].startswith("cartoloop map ")
     record = json.loads((tmp_path / "robustness.json").read_text())
     assert record["rows"][0]["figures"]["error"]["value"] == kept["figures"]["error"]
