@@ -54,9 +54,10 @@ test-lowest: .venv-lowest/.installed
 quick: .venv/.installed-dev
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser and not data"
 
-# Kernels with checked indices: they are compiled for it, into a cache folder of their own.
+# Kernels with checked indices: they are compiled for it, into a cache folder of their own, and
+# optimized less, which takes less time.
 boundscheck: .venv/.installed-dev
-	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow" tests/kernels
+	NUMBA_BOUNDSCHECK=1 NUMBA_OPT=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow" tests/kernels
 
 # Lines of the product that the tests run; those of kernels without the compiler, which hides them.
 coverage: .venv/.installed-dev

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from bench.__main__ import run
+from bench.command_runs import run_command
 from bench.robustness.benchmark import parts_named, rows
 from bench.robustness.carmen_text import CarmenText, read_carmen
 from bench.robustness.changes import (
@@ -477,8 +478,17 @@ def test_the_benchmark_writes_runs_and_a_record(tmp_path, capsys, monkeypatch):
     worlds = simulated_worlds()
     short = replace(worlds["ring"], options=("ring", "--duration", "30"))
     monkeypatch.setitem(worlds, "ring", short)
+    warmed_up = []
+
+    def run_all_but_the_demo(*words):
+        if words[0] == "demo":
+            return warmed_up.append(words)
+        return run_command(*words)
+
+    monkeypatch.setattr("bench.robustness.parts.run_command", run_all_but_the_demo)
     command = ["robustness", "--only", "worlds", "--worlds", "ring", "--seeds", "1"]
     assert run([*command, "-o", str(tmp_path)]) == 0
+    assert len(warmed_up) == 1
     assert "| ring " in capsys.readouterr().out
     lines = (tmp_path / "robustness" / "runs.jsonl").read_text().splitlines()
     assert len(lines) == 1
