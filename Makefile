@@ -27,6 +27,8 @@ LOWEST_TESTS := tests/readers tests/map_file tests/live tests/viewer tests/cli/t
 
 # Tests start hundreds of programs: these find modules compiled, whatever the environment says.
 export PYTHONDONTWRITEBYTECODE =
+# Threads of linear algebra wait for each other in loops, which takes a core from other tests.
+export OPENBLAS_NUM_THREADS = 1
 
 .PHONY: demo test test-lowest quick boundscheck coverage check kernels clean
 
@@ -52,9 +54,10 @@ test-lowest: .venv-lowest/.installed
 quick: .venv/.installed-dev
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser and not data"
 
-# Kernels with checked indices: they are compiled for it, into a cache folder of their own.
+# Kernels with checked indices: they are compiled for it, into a cache folder of their own, and
+# optimized less, which takes less time.
 boundscheck: .venv/.installed-dev
-	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow" tests/kernels
+	NUMBA_BOUNDSCHECK=1 NUMBA_OPT=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow" tests/kernels
 
 # Lines of the product that the tests run; those of kernels without the compiler, which hides them.
 coverage: .venv/.installed-dev

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Add a recording to a map: ``python examples/continue_a_map.py [MAP LOG [OUT]]``.
 
-Without them, two parts of a drive through an office are simulated, and the first is mapped.
+Without them, two parts of a drive around a ring of corridors are simulated; the first is mapped.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from cartoloop.simulation import make_world, simulate
 
 def simulated() -> tuple[cartoloop.Result, list[SensorEvent]]:
     """Return the map of the beginning of a drive, and the events of its end, which overlap."""
-    drive = simulate(make_world("office"), seed=1, duration=120.0)
+    drive = simulate(make_world("ring"), seed=1, duration=120.0)
     start, mapper = float(drive.stamps[0]), cartoloop.Mapper()
     for event in drive.events():
         if event.stamp <= start + 90.0:

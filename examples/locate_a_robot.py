@@ -16,14 +16,14 @@ from cartoloop.simulation import make_world, simulate
 def main() -> float:
     """Map a simulated flat, drive through it again, and return the last error [m]."""
     world = make_world("flat", seed=1)
-    first = simulate(world, seed=1)
+    first = simulate(world, seed=1, duration=120.0)
     mapper = cartoloop.Mapper()
     for event in first.events():
         mapper.add(event)
 
     # The robot starts again somewhere on its way; the localiser does not know where.
     localizer = cartoloop.Localizer(mapper.finish())
-    again = simulate(world, seed=2)
+    again = simulate(world, seed=2, duration=120.0)
     start = again.stamps[len(again.stamps) // 3]
     state = None
     for event in again.events():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two drives, mapped each by itself, in one map: ``python examples/merge_maps.py [OUT [MAP...]]``.
 
-Without maps, two parts of a drive through an office are simulated and mapped first.
+Without maps, two parts of a drive around a ring of corridors are simulated and mapped first.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from cartoloop.simulation import make_world, simulate
 
 def simulated_maps() -> list[cartoloop.Result]:
     """Return the maps of the beginning and of the end of a drive, which overlap."""
-    drive = simulate(make_world("office"), seed=1, duration=120.0)
+    drive = simulate(make_world("ring"), seed=1, duration=120.0)
     start = float(drive.stamps[0])
     maps = []
     for first, last in ((start, start + 90.0), (start + 40.0, start + 120.0)):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drive through a place again: its map is renewed and does not grow.
 
-``python examples/refresh_a_map.py [OUT]``: 90 s of a drive through an office are mapped; the drive
-from 40 s on is added as another session.
+``python examples/refresh_a_map.py [OUT]``: 90 s of a drive around a ring of corridors are mapped;
+the drive from 40 s on is added as another session.
 """
 
 import argparse
@@ -17,7 +17,7 @@ LIFELONG = Config(lifelong=LifelongConfig(enabled=True))
 
 def main(out: str = "example-refreshed") -> cartoloop.Result:
     """Map the drive, add the way driven again, and save the map in the folder `out`."""
-    drive = simulate(make_world("office"), seed=1, duration=120.0)
+    drive = simulate(make_world("ring"), seed=1, duration=120.0)
     start = float(drive.stamps[0])
     first = cartoloop.Mapper()
     for event in drive.events():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Localise a robot where furniture was moved: what differs is listed, and taken over into the map.
 
-``python examples/report_changes.py [OUT]``: 60 s of a drive through an office are mapped, with a
+``python examples/report_changes.py [OUT]``: 40 s of a drive through an office are mapped, with a
 crate in the corridor. On the next drive the crate stands elsewhere.
 """
 
@@ -30,7 +30,7 @@ def drive(corner: tuple[float, float], seed: int) -> Recording:
     crate = np.array([(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
     world = make_world("office")
     walls = np.vstack((world.walls, crate))
-    return simulate(replace(world, walls=walls), seed=seed, duration=60.0)
+    return simulate(replace(world, walls=walls), seed=seed, duration=40.0)
 
 
 def main(out: str = "example-changes") -> list[str]:

@@ -42,7 +42,7 @@ def pytest_collection_modifyitems(items):
     long_files = {
         item.path
         for item in items
-        if item.get_closest_marker("slow") or item.get_closest_marker("browser")
+        if any(map(item.get_closest_marker, ("slow", "browser", "data")))
     }
     items.sort(key=lambda item: item.path not in long_files)
 

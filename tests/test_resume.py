@@ -91,7 +91,7 @@ def header_end(whole):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.0, 0.04, 0.21, 0.37, 0.5, 0.68, 0.83, 0.97, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.21, 0.5, 0.83, 1.0])
 def test_a_resumed_run_ends_in_the_same_bytes(log, whole, tmp_path, share):
     interrupted(whole, tmp_path, share, random.Random(share).randbytes(100))
 

@@ -19,7 +19,7 @@ from bench.fuzz.targets import TARGETS
 from bench.fuzz.worker import Outcome, outcome_of
 from cartoloop.errors import InputError
 
-NUM_INPUTS = int(os.environ.get("CARTOLOOP_FUZZ_INPUTS", "2000"))
+NUM_INPUTS = int(os.environ.get("CARTOLOOP_FUZZ_INPUTS", "1000"))
 
 
 def test_changes_depend_on_the_seed_alone():

@@ -46,7 +46,7 @@ def room_problem(window, erased=np.s_[:, :0]):
 @pytest.fixture(scope="module")
 def record():
     sizes = Sizes(
-        max_scans=900,
+        max_scans=600,
         num_pairs=2,
         num_varied=1,
         num_plain=1,

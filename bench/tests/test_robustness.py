@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from bench.__main__ import run
+from bench.command_runs import run_command
 from bench.robustness.benchmark import parts_named, rows
 from bench.robustness.carmen_text import CarmenText, read_carmen
 from bench.robustness.changes import (
@@ -473,14 +474,26 @@ def test_a_recording_that_is_not_there_is_a_row_with_the_reason(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_benchmark_writes_runs_and_a_record(tmp_path, capsys):
-    command = ["robustness", "--only", "worlds", "--worlds", "bare", "--seeds", "1"]
+def test_the_benchmark_writes_runs_and_a_record(tmp_path, capsys, monkeypatch):
+    worlds = simulated_worlds()
+    short = replace(worlds["ring"], options=("ring", "--duration", "30"))
+    monkeypatch.setitem(worlds, "ring", short)
+    warmed_up = []
+
+    def run_all_but_the_demo(*words):
+        if words[0] == "demo":
+            return warmed_up.append(words)
+        return run_command(*words)
+
+    monkeypatch.setattr("bench.robustness.parts.run_command", run_all_but_the_demo)
+    command = ["robustness", "--only", "worlds", "--worlds", "ring", "--seeds", "1"]
     assert run([*command, "-o", str(tmp_path)]) == 0
-    assert "| bare " in capsys.readouterr().out
+    assert len(warmed_up) == 1
+    assert "| ring " in capsys.readouterr().out
     lines = (tmp_path / "robustness" / "runs.jsonl").read_text().splitlines()
     assert len(lines) == 1
     kept = json.loads(lines[0])
-    assert kept["commands"][0].startswith("cartoloop simulate bare --seed 0 -o ")
+    assert kept["commands"][0].startswith("cartoloop simulate ring --duration 30 --seed 0 -o ")
     assert kept["commands"][1].startswith("cartoloop map ")
     record = json.loads((tmp_path / "robustness.json").read_text())
     assert record["rows"][0]["figures"]["error"]["value"] == kept["figures"]["error"]

@@ -10,7 +10,7 @@ from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, St
 from cartoloop.global_slam.part_drift import held_at
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
 from cartoloop.quality.confirmed import ConfirmedReturns
-from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
+from cartoloop.quality.joins import check_geometry, count_returns, floor_fault, usual_floor_share
 
 
 def part_check(config: Config) -> CheckGeometry:
@@ -18,6 +18,8 @@ def part_check(config: Config) -> CheckGeometry:
     join, confirmed = config.global_slam.constraint_search.join, ConfirmedReturns()
 
     def check(parts: TwoParts, strictness: Strictness) -> GeometryCheck:
+        if strictness == Strictness.COUNTS_ONLY:
+            return count_returns(parts, config.quality, confirmed)
         found = check_geometry(parts, config.quality, join, confirmed)
         if found.fault:
             return found

@@ -15,7 +15,7 @@ def test_a_drive_that_is_seen_again_gives_way(tmp_path, capsys):
     log, again = tmp_path / "office.log", tmp_path / "again.log"
     first, both = tmp_path / "first", tmp_path / "both"
     for seed, path in enumerate((log, again)):
-        simulate(make_world("office"), seed=seed, duration=60.0).write_log(path)
+        simulate(make_world("ring"), seed=seed, duration=60.0).write_log(path)
     assert run(["map", str(log), "-o", str(first)]) == 0
     assert run(["map", str(again), "--onto", str(first), "--lifelong", "-o", str(both)]) == 0
     captured = capsys.readouterr()

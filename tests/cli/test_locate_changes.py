@@ -24,13 +24,13 @@ HALL = (((0, 0), (30, 0), (30, 2.2), (0, 2.2)),)
 
 
 def crate_drive(corner, seed):
-    """Return 60 s through an office in which a crate stands in a corridor."""
+    """Return 40 s through an office in which a crate stands in a corridor."""
     x, y = corner
     corners = [(x, y), (x + 0.8, y), (x + 0.8, y + 0.4), (x, y + 0.4)]
     crate = [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
     world = make_world("office")
     walls = np.vstack((world.walls, crate))
-    return simulate(replace(world, walls=walls), seed=seed, duration=60.0)
+    return simulate(replace(world, walls=walls), seed=seed, duration=40.0)
 
 
 @pytest.fixture(scope="module")

@@ -63,7 +63,7 @@ def test_a_full_pipe_is_noticed_before_it_is_waited_for():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("redirections", LOST)
+@pytest.mark.parametrize("redirections", [">/dev/full 2>&1", "2>&1 | head -n 1", ">&- 2>&- <&-"])
 def test_a_map_is_saved_without_its_output(tmp_path, redirections):
     simulate(ring(), duration=8.0).write_log(tmp_path / "ring.log")
 
@@ -74,7 +74,7 @@ def test_a_map_is_saved_without_its_output(tmp_path, redirections):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("redirections", ["2>/dev/full", "2>&-", "2> >(head -n 1 >/dev/null)"])
+@pytest.mark.parametrize("redirections", ["2>/dev/full", "2> >(head -n 1 >/dev/null)"])
 def test_a_robot_gets_its_poses_without_messages(tmp_path, redirections):
     done = shell(
         f"cartoloop live - -o '{tmp_path}' --no-drop --poses - {redirections}",

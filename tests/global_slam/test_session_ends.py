@@ -24,13 +24,12 @@ from tests.global_slam.closures import requests
 SLIDES = np.arange(-3.0, 3.01, 0.25)
 
 
-def checks(shares, returns=2000, contradicted=0.0):
-    return [
-        GeometryCheck(
-            10.0, contradicted, round(returns * (1.0 - share)), round(returns * share), ""
-        )
+def place(shares, returns=2000, contradicts=False):
+    checks = [
+        GeometryCheck(0.0, 0.0, round(returns * (1.0 - share)), round(returns * share), "")
         for share in shares
     ]
+    return standing_out(SLIDES, checks, lambda best: contradicts and shares[best] == min(shares))
 
 
 def with_dip(at=-0.75, share=0.0, elsewhere=0.08):
@@ -38,12 +37,12 @@ def with_dip(at=-0.75, share=0.0, elsewhere=0.08):
 
 
 def test_the_place_without_returns_on_floor_stands_out():
-    assert standing_out(SLIDES, checks(with_dip())) == pytest.approx(-0.75)
+    assert place(with_dip()) == pytest.approx(-0.75)
 
 
 def test_places_side_by_side_are_one():
     shares = np.minimum(with_dip(-1.0), with_dip(-0.75))
-    assert standing_out(SLIDES, checks(shares)) == pytest.approx(-0.875)
+    assert place(shares) == pytest.approx(-0.875)
 
 
 @pytest.mark.parametrize(
@@ -57,15 +56,15 @@ def test_places_side_by_side_are_one():
     ids=["bare", "floor everywhere", "hardly better", "two places"],
 )
 def test_otherwise_none_does(shares):
-    assert standing_out(SLIDES, checks(shares)) is None
+    assert place(shares) is None
 
 
 def test_few_returns_show_nothing():
-    assert standing_out(SLIDES, checks(with_dip(), returns=250)) is None
+    assert place(with_dip(), returns=250) is None
 
 
 def test_scans_that_contradict_forbid_the_place():
-    assert standing_out(SLIDES, checks(with_dip(), contradicted=1.0)) is None
+    assert place(with_dip(), contradicts=True) is None
 
 
 DOORS = (3.0, 7.4, 9.1, 13.6, 16.2, 21.7, 24.3, 28.8, 31.0)

@@ -94,7 +94,8 @@ def test_a_drive_added_to_another_map_is_recovered(ring_result, ring_events, tmp
     ring_result.save(base)
     before = {path.name: path.read_bytes() for path in base.iterdir()}
 
-    result, _ = drive(ring_events, out, killed, onto=base, start=IDENTITY)
+    events = ring_events[: len(ring_events) // 2]
+    result, _ = drive(events, out, killed, onto=base, start=IDENTITY)
     assert [session.part for session in result.sessions] == [MAIN_PART] * 2
     assert [path.name for path in killed.iterdir()] == [FILE_NAME]
     found = map_to_continue(killed, lambda _: None)
@@ -105,7 +106,7 @@ def test_a_drive_added_to_another_map_is_recovered(ring_result, ring_events, tmp
     num_before = ring_result.graph.num_nodes
     rows = found.graph.closure_rows >= 0
     assert (found.graph.index_b[rows] >= num_before).any()
-    assert found.graph.num_nodes > 1.7 * num_before
+    assert found.graph.num_nodes > 1.4 * num_before
 
 
 @pytest.mark.slow
@@ -113,9 +114,8 @@ def test_the_old_map_gives_way_to_a_lifelong_drive(ring_result, ring_events, tmp
     base = tmp_path / "base"
     ring_result.save(base)
 
-    result, _ = drive(
-        ring_events, base, tmp_path / "copy", onto=base, lifelong=True, start=IDENTITY
-    )
+    events = ring_events[: len(ring_events) // 2]
+    result, _ = drive(events, base, tmp_path / "copy", onto=base, lifelong=True, start=IDENTITY)
 
     assert result.report.extra["lifelong"]["removed_nodes"] > 0
     again, _ = drive(ring_events[:200], base, tmp_path / "again", starts_at_end=True)

@@ -29,7 +29,7 @@ def onto(result, events, config=LIFELONG):
 
 @pytest.fixture(scope="module")
 def drive():
-    return simulate(make_world("office"), seed=1, duration=120.0)
+    return simulate(make_world("ring"), seed=1, duration=120.0)
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from cartoloop.quality.joins import (
     MAX_FLOOR_SHARE,
     MIN_USUAL_RETURNS,
     check_geometry,
+    count_returns,
     floor_fault,
     usual_floor_share,
 )
@@ -114,12 +115,10 @@ def test_returns_that_are_not_confirmed_are_not_counted():
     for is_confirmed in (True, False):
         part = seen_twice(0.25, is_confirmed=is_confirmed)
         nodes = np.repeat(parts, part[0].num_nodes // 2)
-        check = check_geometry(
-            TwoParts(*part, nodes, np.array(parts)),
-            QualityConfig(),
-            JoinConfig(),
-            ConfirmedReturns(),
-        )
+        two = TwoParts(*part, nodes, np.array(parts))
+        check = check_geometry(two, QualityConfig(), JoinConfig(), ConfirmedReturns())
+        counted = count_returns(two, QualityConfig(), ConfirmedReturns())
+        assert (counted.on_wall, counted.on_floor) == (check.on_wall, check.on_floor)
         counts.append((check.on_floor > 0, check.on_wall))
     assert counts[0][0]
     assert not counts[1][0]

@@ -15,7 +15,7 @@ from tests.simulation.wall_clearance import clearance_of_route
 
 pytestmark = pytest.mark.slow
 
-SEEDS = range(4)
+SEEDS = range(2)
 museum_of = lru_cache(museum)
 
 

@@ -54,8 +54,13 @@ class GeometryCheck(NamedTuple):
 
 
 class Strictness(IntEnum):
-    """How strictly a placement is examined: the less supports it, the more strictly."""
+    """How strictly a placement is examined: the less supports it, the more strictly.
 
+    `COUNTS_ONLY` counts returns on walls and floor, for places that are compared with each other,
+    and judges nothing: neither length nor contradictions are known.
+    """
+
+    COUNTS_ONLY = -1
     MANY_SCORE_HIGH = 0
     FEW_SCORE_HIGH = 1
     FEW_DISTINCT = 2

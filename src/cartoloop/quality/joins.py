@@ -15,7 +15,7 @@ from cartoloop.global_slam.join_evidence import GeometryCheck, TwoParts
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.confirmed import ConfirmedReturns
 from cartoloop.quality.encounters import encounters
-from cartoloop.quality.pairs import compared_pairs, path_lengths
+from cartoloop.quality.pairs import Pairs, compared_pairs, path_lengths
 from cartoloop.session import Session
 from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -65,15 +65,8 @@ def check_geometry(
     Only returns that are walls in their own part count: what passed by says nothing.
     """
     parts = _confirmed(parts, confirmed)
-    content, points = _content(parts), parts.node_points
-
-    def of_other_part(submap: int) -> BoolArray:
-        part = int(parts.of_submaps[submap])
-        return parts.nodes_of(1 - part) if part in (0, 1) else _none_of(parts)
-
-    paths = path_lengths(parts.graph.node_poses)
-    pairs = compared_pairs(content, points, quality, paths, of_other_part)
-    met = encounters(pairs, paths, content, points, quality)
+    pairs, paths = _pairs_between(parts, quality)
+    met = encounters(pairs, paths, _content(parts), parts.node_points, quality)
     length = float(met.length.sum())
     contradicted = float(met.length[met.contradicts].sum())
     on_wall, on_floor = int(pairs.on_wall.sum()), int(pairs.on_floor.sum())
@@ -84,6 +77,26 @@ def check_geometry(
         fault = floor_fault(check, join.max_floor_share, usual)
         check = check._replace(usual_limit=_usual_limit(usual))
     return check._replace(fault=fault)
+
+
+def count_returns(
+    parts: TwoParts, quality: QualityConfig, confirmed: ConfirmedReturns
+) -> GeometryCheck:
+    """Return how many returns :func:`check_geometry` finds on walls and floor, and no more."""
+    pairs, _ = _pairs_between(_confirmed(parts, confirmed), quality)
+    return GeometryCheck(0.0, 0.0, int(pairs.on_wall.sum()), int(pairs.on_floor.sum()), "")
+
+
+def _pairs_between(parts: TwoParts, quality: QualityConfig) -> tuple[Pairs, FloatArray]:
+    """Return the scans of either part with submaps of the other, and the path at all nodes [m]."""
+
+    def of_other_part(submap: int) -> BoolArray:
+        part = int(parts.of_submaps[submap])
+        return parts.nodes_of(1 - part) if part in (0, 1) else _none_of(parts)
+
+    paths = path_lengths(parts.graph.node_poses)
+    pairs = compared_pairs(_content(parts), parts.node_points, quality, paths, of_other_part)
+    return pairs, paths
 
 
 def floor_fault(check: GeometryCheck, limit: float, usual: float) -> str:
