@@ -291,10 +291,6 @@ def _warn(line: str) -> None:
     typer.echo(f"warning: {line}", err=True)
 
 
-def _places(count: int) -> str:
-    return "one place, not proved" if count == 1 else f"{count} places, the likeliest"
-
-
 def change(answer: Answer) -> str:
     """Return the line that says a new state."""
     line = f"{answer.stamp:.3f}  {answer.state}"
@@ -303,10 +299,14 @@ def change(answer: Answer) -> str:
         return f"{line}  x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
     if answer.places:
         (x, y, theta), probability, _ = answer.places[0]
-        return (
-            f"{line}  {_places(len(answer.places))} ({probability:.0%}) "
-            f"x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
+        count = len(answer.places)
+        # The probability of a single place is relative to others, and there are none.
+        places = (
+            "one place fits, not proved yet:"
+            if count == 1
+            else f"{count} places fit, the likeliest ({probability:.0%})"
         )
+        return f"{line}  {places} x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
     return line
 
 
