@@ -10,9 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from cartoloop.cli.locate_command import change
 from cartoloop.cli.main import run
 from cartoloop.errors import OutputError
 from cartoloop.localisation import run as localisation_run
+from cartoloop.localisation.answer import Answer, Place, State
+from cartoloop.sensor.pose import Pose
 from tests.localisation.rooms import BOX, ROOM, START, apart, carmen_text, drive, write_image
 
 POSES = drive(START, 40, step=0.04, turn=0.03)
@@ -169,3 +172,19 @@ def test_a_recording_that_is_cut_off_is_reported(room, log, tmp_path, capsys):
     assert "scans" in captured.out
     assert "the poses are of a part of the recording" in captured.err
     assert answers_in(tmp_path / "poses.jsonl")
+
+
+def test_a_single_place_that_is_not_proved_has_no_probability():
+    pose = Pose(1.0, 2.0, 0.0)
+    answers = [
+        Answer(
+            7.0, State.AMBIGUOUS, None, None, pose, math.nan, math.nan, math.nan,
+            tuple(Place(pose, 0.5, 0.6) for _ in range(count)),
+        )
+        for count in (1, 2)
+    ]  # fmt: skip
+
+    assert change(answers[0]).endswith(
+        "one place fits, not proved yet: x 1.00 m, y 2.00 m, 0.0 deg"
+    )
+    assert "2 places fit, the likeliest (50%)" in change(answers[1])

@@ -141,3 +141,23 @@ def test_what_stands_decides_nothing_else():
     for _ in range(100):
         doubt.add(0.2, 0.1, 0.1, standing=0.95)
     assert doubt.is_lost
+
+
+def test_a_proof_begins_again_where_the_whole_path_fits():
+    doubt, unproved = Doubt(LOW), Doubt(LOW)
+    for _ in range(16):
+        for each in (doubt, unproved):
+            each.add(LOW - 0.1, 0.1, 0.1)
+        if doubt.lacks_proof:
+            doubt.restart_proof()
+    assert unproved.is_lost
+    assert not doubt.is_lost
+    assert not doubt.is_proved
+
+
+def test_a_robot_that_was_carried_away_lacks_more_than_proof():
+    doubt = Doubt(LOW)
+    for _ in range(10):
+        doubt.add(0.1, 0.5, 0.5)
+    assert doubt.is_lost
+    assert not doubt.lacks_proof

@@ -11,12 +11,14 @@ import pytest
 from cartoloop.localisation import followed_place
 from cartoloop.localisation.decision import Before, decide
 from cartoloop.localisation.followed_place import (
+    FITTING_PATH_M,
     FULL_M,
     KEPT_SUM,
     MAX_SCANS_M,
     SCAN_M,
     SUM_OF_PATH,
     SUM_OF_SCAN,
+    fits_along,
     follow_best,
     follow_in,
     has_rival,
@@ -239,3 +241,15 @@ def test_places_are_kept_that_the_search_does_not_list(known, monkeypatch):
     assert len(decision.kept) == 1
     assert apart(NEWEST, decision.kept[0])[0] < 0.03
     assert np.isnan(decision.runner_up)
+
+
+def test_a_claimed_place_fits_along_the_whole_path(known, bent):
+    wrong = Pose(NEWEST.x - 0.5, NEWEST.y - 0.4, NEWEST.theta + math.pi)
+
+    assert fits_along(known, bent, FITTING_PATH_M, NEWEST)
+    assert not fits_along(known, bent, FITTING_PATH_M, wrong)
+
+
+def test_a_short_path_keeps_no_claim(known, bent):
+    assert not fits_along(known, bent, 0.9 * FITTING_PATH_M, NEWEST)
+    assert not fits_along(known, None, FITTING_PATH_M, NEWEST)

@@ -26,11 +26,13 @@ from cartoloop.cli.view_command import ViewOptions
 if TYPE_CHECKING:
     from typing import BinaryIO
 
+    from cartoloop.config import Config
     from cartoloop.localisation.answer import Answer
     from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
     from cartoloop.readers import Log
     from cartoloop.sensor.events import SensorEvent
+    from cartoloop.sensor.pose import Pose
     from cartoloop.stop_request import StopRequest
     from cartoloop.viewer.locate_view import LocateView
 
@@ -130,7 +132,6 @@ def locate_command(options: LocateOptions) -> None:
     from cartoloop.cli.locate_view import open_view, stay_open
     from cartoloop.cli.mapping import compilation_notice, show_problems
     from cartoloop.cli.stop_signals import stop_signals
-    from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
 
     options.check(options.map_, is_live=options.is_live)
@@ -147,14 +148,7 @@ def locate_command(options: LocateOptions) -> None:
             compilation_notice() as compiler,
             stop_signals() as stop,
         ):
-            localizer = Localizer(
-                options.map_,
-                loaded.config,
-                at=start,
-                live=options.is_live,
-                waits=options.no_drop,
-                watch_changes=options.changes is not None,
-            )
+            localizer = _localizer(options, loaded.config, start)
             keeper = None
             if options.keep is not None:
                 keeper = PoseKeeper(options.keep, localizer, _warn, begins_there=start is None)
@@ -182,6 +176,20 @@ def locate_command(options: LocateOptions) -> None:
     if options.strict and run.summary.pose is None:
         raise typer.Exit(NEVER_LOCATED_STATUS)
     _require_whole(log)
+
+
+def _localizer(options: LocateOptions, config: Config, start: Pose | None) -> Localizer:
+    """Return the localizer that the options ask for."""
+    from cartoloop.localisation.localizer import Localizer
+
+    return Localizer(
+        options.map_,
+        config,
+        at=start,
+        live=options.is_live,
+        waits=options.no_drop,
+        watch_changes=options.changes is not None,
+    )
 
 
 def _require_whole(log: Log | None) -> None:
@@ -291,10 +299,6 @@ def _warn(line: str) -> None:
     typer.echo(f"warning: {line}", err=True)
 
 
-def _places(count: int) -> str:
-    return "one place, not proved" if count == 1 else f"{count} places, the likeliest"
-
-
 def change(answer: Answer) -> str:
     """Return the line that says a new state."""
     line = f"{answer.stamp:.3f}  {answer.state}"
@@ -303,10 +307,14 @@ def change(answer: Answer) -> str:
         return f"{line}  x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
     if answer.places:
         (x, y, theta), probability, _ = answer.places[0]
-        return (
-            f"{line}  {_places(len(answer.places))} ({probability:.0%}) "
-            f"x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
+        count = len(answer.places)
+        # The probability of a single place is relative to others, and there are none.
+        places = (
+            "one place fits, not proved yet:"
+            if count == 1
+            else f"{count} places fit, the likeliest ({probability:.0%})"
         )
+        return f"{line}  {places} x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
     return line
 
 

@@ -6,9 +6,11 @@ share of returns on walls, of those where the map is known, relative to that of 
 Sums of what is missing, which never fall below zero, end in doubt and then in being lost
 (E. S. Page, Continuous inspection schemes, 1954). There are three of them: a quick one, which finds
 a robot that was carried away; a slow one, which finds a map that is of another building or
-outdated; and one of the first metres after a claim, which has to prove itself. A robot that is
-followed for long after that is lost later, unless the agreement falls at once: it was not carried
-away, so the place has changed.
+outdated; and one of the first metres after a claim, which has to prove itself. Where a map is of
+another building, scans contradict the last one soon; where furniture was moved, they do too, but
+the scans of the whole path still fit, and the proof begins again. A robot that
+is followed for long after that is lost later, unless the agreement falls at once: it was not
+carried away, so the place has changed.
 """
 
 from __future__ import annotations
@@ -111,6 +113,18 @@ class Doubt:
     def is_proved(self) -> bool:
         """Whether the scans have agreed for long enough since the claim."""
         return self._unproved <= 0.0
+
+    @property
+    def lacks_proof(self) -> bool:
+        """Whether the pose is not believed for lack of proof alone."""
+        if self.is_proved or not self.is_lost:
+            return False
+        pairs = zip(self._sums[:2], self._watches[:2], strict=True)
+        return all(total < watch.limit * self._trusted for total, watch in pairs)
+
+    def restart_proof(self) -> None:
+        """Take back what was missing for the proof, as the scans of the whole path fit."""
+        self._sums[2] = 0.0
 
     @property
     def is_suspect(self) -> bool:

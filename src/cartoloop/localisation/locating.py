@@ -13,6 +13,7 @@ from cartoloop.config import Config
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.answer import Answer, State
 from cartoloop.localisation.decision import MIN_POINTS, Claim
+from cartoloop.localisation.followed_place import fits_along
 from cartoloop.localisation.following import Following
 from cartoloop.localisation.global_search import is_same_place
 from cartoloop.localisation.known_map import KnownMap
@@ -20,6 +21,7 @@ from cartoloop.localisation.local_motion import LocalMotion, LocalScan
 from cartoloop.localisation.place_search import PlaceSearch
 from cartoloop.localisation.search_runner import SearchRunner
 from cartoloop.localisation.start_pose import StartPose, claim_near
+from cartoloop.localisation.trail import LENGTH_M as TRAIL_M
 from cartoloop.sensor.events import LaserScan, PointCloud
 from cartoloop.sensor.pose import Pose
 
@@ -115,6 +117,8 @@ class Locating:
     def _follow(self, following: Following, scan: LocalScan) -> None:
         """Track the robot, and search for another place while the pose is doubted."""
         following.add(scan)
+        if following.doubt.lacks_proof and self._fits_along_trail(following.pose):
+            following.doubt.restart_proof()
         if following.doubt.is_proved:
             self._num_refuted = 0
         suspect = following.doubt.is_suspect and len(scan.points) >= MIN_POINTS
@@ -125,6 +129,12 @@ class Locating:
             following.doubt.reduce()
         else:
             self._believe(claim, scan)
+
+    def _fits_along_trail(self, tf_map_tracking: Pose) -> bool:
+        trail = self.motion.trail
+        return fits_along(
+            self._known, trail.composite(TRAIL_M), min(trail.length, TRAIL_M), tf_map_tracking
+        )
 
     def _find(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> None:
         """Search for the robot, near a given pose or in the whole map."""
