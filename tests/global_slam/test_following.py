@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import WideSearchConfig
+from cartoloop.global_slam.claims import Claim
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.following import (
     MAX_PLACES,
@@ -17,7 +18,7 @@ from cartoloop.global_slam.following import (
     why_not_supported,
 )
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.placing import Claim, Placement
+from cartoloop.global_slam.placing import Placement
 from cartoloop.sensor.pose import Pose, compose
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid

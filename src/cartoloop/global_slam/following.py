@@ -17,9 +17,10 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import WideSearchConfig
+from cartoloop.global_slam.claims import Claim, Claims
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.placing import Claim, Placement, agreement, fitted_pose, is_same
+from cartoloop.global_slam.placing import Placement, fitted_pose
 from cartoloop.sensor.pose import (
     Pose,
     compose_all,
@@ -99,14 +100,16 @@ class SeenAreas:
 def followed_places(claims: Sequence[Claim], wide: WideSearchConfig) -> list[Pose]:
     """Return the places that claims are about, the likeliest first."""
     places: list[Pose] = []
-    ordered = sorted(claims, key=lambda each: (-each.evidence, each.candidate.row))
-    agrees = agreement(ordered, wide) if ordered else np.zeros((0, 0), dtype=bool)
-    for number, claim in enumerate(ordered):
-        if not any(is_same(claim, pose, wide) for pose in places):
-            near = [each for each, fits in zip(ordered, agrees[number], strict=True) if fits]
-            places.append(fitted_pose(near))
+    columns = Claims.of(claims)
+    rows = np.array([each.row for each in columns.candidates], dtype=np.int64)
+    columns = columns.take(np.lexsort((rows, -columns.evidence)))
+    agrees, is_placed = columns.agreement(wide), np.zeros(len(columns), dtype=bool)
+    for number in range(len(columns)):
+        if not is_placed[number]:
+            places.append(fitted_pose(columns.take(np.flatnonzero(agrees[number]))))
             if len(places) == MAX_PLACES:
                 break
+            is_placed |= columns.are_at(places[-1], wide)
     return places
 
 
