@@ -22,7 +22,7 @@ from cartoloop.global_slam.part_drift import Drift, drift_of
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
 from cartoloop.global_slam.sessions import NodeSubmaps
-from cartoloop.sensor.pose import Pose, compose_all, relative_all, transform_points
+from cartoloop.sensor.pose import Pose, compose_all, relative_all
 from cartoloop.sensor.scan_points import ScanPoints
 
 EVERY_NTH_NODE = 4
@@ -152,14 +152,7 @@ def _requests_nearby(
     """
     graph = parts.graph
     expected = relative_all(graph.submap_poses[index], graph.node_poses[nodes])
-    is_seen = np.array(
-        [
-            areas.share(index, transform_points(Pose(*pose), parts.node_points[node]))
-            > MIN_SEEN_SHARE
-            for pose, node in zip(expected.tolist(), nodes.tolist(), strict=True)
-        ],
-        dtype=bool,
-    )
+    is_seen = areas.shares(index, parts.node_points.take(nodes), expected) > MIN_SEEN_SHARE
     nodes = nodes[is_seen]
     return Requests(
         np.full(len(nodes), index, dtype=np.int32),
