@@ -73,12 +73,12 @@ def tentative_joins(
     iterations = config.pose_adjustment.max_num_final_iterations
     share = config.pose_adjustment.mapping_share
     GraphAdjustment(joined, config, share).run(iterations)
-    unmatched = joined.copy()
+    unmatched, areas = joined.copy(), SeenAreas(parts.submaps)
     for _ in range(MAX_ROUNDS):
         matched = unmatched.copy()
         matched.node_poses[:] = joined.node_poses
         matched.submap_poses[:] = joined.submap_poses
-        constraints, nearby = _overlap_matches(config, replace(parts, graph=joined))
+        constraints, nearby = _overlap_matches(config, replace(parts, graph=joined), areas)
         for each in (*constraints, _constraints(nearby)):
             matched.add_loop_closures(each)
         GraphAdjustment(matched, config, share).run(iterations)
@@ -87,7 +87,7 @@ def tentative_joins(
 
 
 def _overlap_matches(
-    config: GlobalSlamConfig, parts: TwoParts
+    config: GlobalSlamConfig, parts: TwoParts, areas: SeenAreas
 ) -> tuple[list[ClosureConstraints], Nearby]:
     """Return the matches of nodes of either part in submaps of the other, near where they are.
 
@@ -109,7 +109,7 @@ def _overlap_matches(
                 found.append((index, nodes))
         found.sort(key=lambda each: (-len(each[1]), each[0]))
         overlaps += found[:MAX_SUBMAPS]
-    areas, own_submaps, drift = SeenAreas(submaps), NodeSubmaps.of(graph).first, drift_of(parts)
+    own_submaps, drift = NodeSubmaps.of(graph).first, drift_of(parts)
     accepted, searched = [], []
     for index, nodes in overlaps:
         pose: FloatArray = graph.submap_poses[index]
