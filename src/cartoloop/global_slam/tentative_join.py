@@ -34,6 +34,9 @@ MAX_SUBMAPS = 40
 MAX_ROUNDS = 3
 """Rounds of matching, at most."""
 
+KEPT_BYTES = 64 << 20
+"""What searches compute of submaps is kept from round to round if it is not more [bytes]."""
+
 
 def place_part(parts: TwoParts, tf_one_other: Pose) -> None:
     """Move the nodes and submaps of part 1 into the frame of part 0, in place."""
@@ -74,26 +77,37 @@ def tentative_joins(
     share = config.pose_adjustment.mapping_share
     GraphAdjustment(joined, config, share).run(iterations)
     unmatched, areas = joined.copy(), SeenAreas(parts.submaps)
-    for _ in range(MAX_ROUNDS):
-        matched = unmatched.copy()
-        matched.node_poses[:] = joined.node_poses
-        matched.submap_poses[:] = joined.submap_poses
-        constraints, nearby = _overlap_matches(config, replace(parts, graph=joined), areas)
-        for each in (*constraints, _constraints(nearby)):
-            matched.add_loop_closures(each)
-        GraphAdjustment(matched, config, share).run(iterations)
-        joined = matched
-        yield replace(parts, graph=joined), nearby
+    own = [parts.submaps[index] for part in (0, 1) for index in parts.submaps_of(part).tolist()]
+    keeps = sum(submap.search_bytes for submap in own) <= KEPT_BYTES
+    try:
+        for _ in range(MAX_ROUNDS):
+            matched = unmatched.copy()
+            matched.node_poses[:] = joined.node_poses
+            matched.submap_poses[:] = joined.submap_poses
+            placed = replace(parts, graph=joined)
+            constraints, nearby = _overlap_matches(config, placed, areas, keeps=keeps)
+            for each in (*constraints, _constraints(nearby)):
+                matched.add_loop_closures(each)
+            GraphAdjustment(matched, config, share).run(iterations)
+            joined = matched
+            yield replace(parts, graph=joined), nearby
+    finally:
+        for submap in own if keeps else ():
+            submap.release()
 
 
 def _overlap_matches(
-    config: GlobalSlamConfig, parts: TwoParts, areas: SeenAreas
+    config: GlobalSlamConfig, parts: TwoParts, areas: SeenAreas, *, keeps: bool
 ) -> tuple[list[ClosureConstraints], Nearby]:
     """Return the matches of nodes of either part in submaps of the other, near where they are.
 
     Where both parts are true, all nodes are found from where they are. Where they are bent, those
     far from what holds the parts together are not, and are searched nearby, as the map itself does
     once they are joined.
+
+    Parameters
+    ----------
+    keeps : whether what is computed of submaps is kept for the next round.
     """
     graph, submaps, limits = parts.graph, parts.submaps, config.constraint_search
     overlaps: list[tuple[int, IntArray]] = []
@@ -129,7 +143,8 @@ def _overlap_matches(
         left = nodes[np.isin(nodes, matches.node[fits], invert=True)]
         requests = _requests_nearby(limits, parts, index, left, areas, own_submaps, drift)
         searched.append(_searched(limits, submaps[index], requests, parts.node_points))
-        submaps[index].release()
+        if not keeps:
+            submaps[index].release()
     return accepted, as_one(searched)
 
 
