@@ -12,9 +12,6 @@ from cartoloop._jit import borrowing_kernel, kernel
 from cartoloop.arrays import ByteArray, FloatArray, IntArray
 from cartoloop.kernels.scan_batch import ScanBatch
 
-_BLOCK = 32
-"""Points that are counted before it is asked whether more can matter."""
-
 
 class CellGrid(NamedTuple):
     """The cells of a finished submap and where they are.
@@ -162,32 +159,22 @@ def best_shifts(
     out_shifts : float64, shape (k, 5): number of points that fit near, and elsewhere; displacement
         x, y [m] and turn [rad] elsewhere. Of equal ones the first wins.
     """
-    reach = window.steps * window.step_cells
-    walls = _at_wall(grid.cells, wall, 2 * reach)
-    num_rows, width = walls.shape
-    at_wall = walls.ravel()
     for i in range(firsts.shape[0]):
         group = points[firsts[i] : ends[i]]
         centre_x, centre_y = _centre(group)
         out_shifts[i, :] = 0.0
-        places = np.empty(group.shape[0], dtype=np.int64)
+        rows = np.empty(group.shape[0], dtype=np.int64)
+        cols = np.empty(group.shape[0], dtype=np.int64)
         for turn in range(-window.turns, window.turns + 1):
             angle = turn * window.turn
             cos, sin = math.cos(angle), math.sin(angle)
-            count = 0
             for j in range(group.shape[0]):
                 x, y = group[j, 0] - centre_x, group[j, 1] - centre_y
                 turned_x = centre_x + cos * x - sin * y
                 turned_y = centre_y + sin * x + cos * y
-                col = np.int64(np.floor((turned_x - grid.origin_x) / grid.resolution)) + 2 * reach
-                row = np.int64(np.floor((turned_y - grid.origin_y) / grid.resolution)) + 2 * reach
-                # Others are outside of the grid wherever they are shifted.
-                if reach <= row < num_rows - reach and reach <= col < width - reach:
-                    places[count] = row * width + col
-                    count += 1
-            _try_shifts(
-                at_wall, width, window, places[:count], angle, grid.resolution, out_shifts[i]
-            )
+                cols[j] = np.int64(np.floor((turned_x - grid.origin_x) / grid.resolution))
+                rows[j] = np.int64(np.floor((turned_y - grid.origin_y) / grid.resolution))
+            _try_shifts(grid, wall, window, rows, cols, angle, out_shifts[i])
 
 
 @kernel
@@ -220,7 +207,7 @@ def count_along(
             for j in range(group.shape[0]):
                 cols[j] = np.int64(np.floor((group[j, 0] + x) / grid.resolution))
                 rows[j] = np.int64(np.floor((group[j, 1] + y) / grid.resolution))
-            out_counts[i, s] = _num_fitting(grid.cells, wall, rows, cols, 0, 0)
+            out_counts[i, s] = _num_fitting(grid.cells, wall, rows, cols, 0, 0, -1.0)
 
 
 @borrowing_kernel
@@ -234,45 +221,17 @@ def _centre(points: FloatArray) -> tuple[float, float]:
     return x / points.shape[0], y / points.shape[0]
 
 
-@kernel
-def _at_wall(cells: ByteArray, wall: int, margin: int) -> ByteArray:
-    """Return 1 where one of the two by two cells at a cell is a wall, else 0.
-
-    Parameters
-    ----------
-    margin : rows and columns of 0 on each side of the cells.
-    """
-    num_rows, num_cols = cells.shape
-    at_wall = np.zeros((num_rows + 2 * margin, num_cols + 2 * margin), dtype=np.uint8)
-    for row in range(num_rows - 1):
-        for col in range(num_cols - 1):
-            at_wall[margin + row, margin + col] = (
-                (cells[row, col] >= wall)
-                | (cells[row, col + 1] >= wall)
-                | (cells[row + 1, col] >= wall)
-                | (cells[row + 1, col + 1] >= wall)
-            )
-    return at_wall
-
-
 @borrowing_kernel
 def _try_shifts(
-    at_wall: ByteArray,
-    width: int,
+    grid: CellGrid,
+    wall: int,
     window: ShiftWindow,
-    places: IntArray,
+    rows: IntArray,
+    cols: IntArray,
     angle: float,
-    resolution: float,
     out_shift: FloatArray,
 ) -> None:
-    """Count the points that fit at all shifts of one turn, and keep the best in `out_shift`.
-
-    Parameters
-    ----------
-    at_wall, width : see :func:`_at_wall`, row by row, and the length of its rows; its margin is
-        twice the largest shift.
-    places : where the points are in it.
-    """
+    """Count the points that fit at all shifts of one turn, and keep the best in `out_shift`."""
     near, elsewhere = window.near_steps**2, (window.near_steps + 1) ** 2
     for down in range(-window.steps, window.steps + 1):
         for right in range(-window.steps, window.steps + 1):
@@ -280,14 +239,19 @@ def _try_shifts(
             if near < squared < elsewhere:
                 continue
             best = out_shift[0] if squared <= near else out_shift[1]
-            shift = window.step_cells * (down * width + right)
-            fitting = _num_at_wall(at_wall, places, shift, best)
-            if fitting <= best:
-                continue
+            fitting = _num_fitting(
+                grid.cells,
+                wall,
+                rows,
+                cols,
+                down * window.step_cells,
+                right * window.step_cells,
+                best,
+            )
             if squared <= near:
-                out_shift[0] = fitting
-            else:
-                step = window.step_cells * resolution
+                out_shift[0] = max(best, fitting)
+            elif fitting > best:
+                step = window.step_cells * grid.resolution
                 out_shift[1] = fitting
                 out_shift[2] = right * step
                 out_shift[3] = down * step
@@ -295,28 +259,26 @@ def _try_shifts(
 
 
 @borrowing_kernel
-def _num_at_wall(at_wall: ByteArray, places: IntArray, shift: int, best: float) -> int:
-    """Return how many points are at a wall when they are shifted.
-
-    It ends early where it cannot become more than `best`.
-    """
-    count, fitting = places.shape[0], 0
-    for first in range(0, count, _BLOCK):
-        if fitting + count - first <= best:
-            break
-        for j in range(first, min(first + _BLOCK, count)):
-            fitting += at_wall[places[j] + shift]
-    return fitting
-
-
-@borrowing_kernel
 def _num_fitting(
-    cells: ByteArray, wall: int, rows: IntArray, cols: IntArray, down: int, right: int
+    cells: ByteArray,
+    wall: int,
+    rows: IntArray,
+    cols: IntArray,
+    down: int,
+    right: int,
+    best: float,
 ) -> int:
-    """Return how many points, given by the lower left of their four cells, are at a wall."""
+    """Return how many points, given by the lower left of their four cells, are at a wall.
+
+    Parameters
+    ----------
+    best : it ends early, with less, where it cannot become more than this; -1: it does not.
+    """
     num_rows, num_cols = cells.shape
-    fitting = 0
-    for j in range(rows.shape[0]):
+    count, fitting = rows.shape[0], 0
+    for j in range(count):
+        if fitting + count - j <= best:
+            break
         row, col = rows[j] + down, cols[j] + right
         if not (0 <= row < num_rows - 1 and 0 <= col < num_cols - 1):
             continue
