@@ -16,11 +16,14 @@ from bench.adjustment.synthetic_graphs import bipartite_graph
 from bench.record import Case
 from bench.workload import Workload
 from cartoloop.config import Config
+from cartoloop.global_slam.claims import Claims
+from cartoloop.global_slam.hypotheses import Candidate
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
 from cartoloop.global_slam.submap_paths import SubmapPaths
 from cartoloop.kernels.csv_rows import MAX_DIGITS, write_rows
 from cartoloop.kernels.due_pairs import NodePlace, PairRule, pairs_of_node
 from cartoloop.pose_adjustment import Loss
+from cartoloop.sensor.pose import compose_all
 
 GRAPHS = ((1_000, 12, 3_000), (11_456, 128, 35_300))
 """Nodes, submaps and constraints of the graphs; the second is of the paper's museum's size."""
@@ -33,6 +36,7 @@ GRAPH_KERNELS = (
     "chordal start",
     "shortest paths",
     "pairs",
+    "claims",
     "write rows",
 )
 
@@ -63,6 +67,7 @@ def graph_workloads() -> Iterator[Workload]:
         )  # fmt: skip
     yield _shortest_paths_workload()
     yield _pairs_workload()
+    yield _claims_workload()
     yield _csv_workload()
 
 
@@ -113,6 +118,20 @@ def _pairs_workload() -> Workload:
     )  # fmt: skip
     case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
     return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")
+
+
+def _claims_workload() -> Workload:
+    """Return the comparison of claims about two corridors, each at one of four places."""
+    count, rng = 1_000, np.random.default_rng(0)
+    places = compose_all(np.array((7.0, -3.0, 1.0)), rng.uniform(-9.0, 9.0, (4, 3)))
+    other = rng.uniform((-20.0, -2.0, -math.pi), (20.0, 2.0, math.pi), (count, 3))
+    one = compose_all(places[rng.integers(0, 4, count)], other)
+    candidates = [Candidate(row, row, 0, other[row], 0.6, 0.5) for row in range(count)]
+    claims = Claims(candidates, one, other, np.full(count, 0.1))
+    compare = partial(claims.agreement, Config().global_slam.constraint_search.wide_search)
+    return Workload(
+        "claims", ("pose_agreement",), {"input": f"{count:,} claims"}, compare, count**2, "pairs"
+    )
 
 
 def _csv_workload() -> Workload:

@@ -21,7 +21,13 @@ import numpy as np
 
 from cartoloop._jit import kernel_cache_folder
 from cartoloop.arrays import FloatArray
-from cartoloop.config import Config, ConstraintSearchConfig, GlobalSlamConfig
+from cartoloop.config import (
+    Config,
+    ConstraintSearchConfig,
+    GlobalSlamConfig,
+    WideSearchConfig,
+)
+from cartoloop.global_slam.claims import Claims
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.corridor_shifts import fitting_shifts
@@ -72,6 +78,7 @@ def compile_ahead() -> None:
     num_changed(scans[0], scans[0][:-1], scans[0][1:])
     one = np.zeros(1, dtype=np.int64)
     fitting_shifts(grids[0], scans, np.zeros((1, 3)), one, np.array([[1.0, 0.0]]))
+    Claims.of([]).agreement(WideSearchConfig())
     _close_loops(every_nth_node=1)
     _done_file().touch()
 

@@ -142,7 +142,7 @@ def read_text_input(
     expected: str,
     error: Callable[[str], CartoloopError] = InputError,
 ) -> str:
-    """Return the text in a file; see `read_input`.
+    """Return the text in a file, without a byte order mark before it; see `read_input`.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def read_text_input(
         As `read_input`, or it is no text.
     """
     try:
-        text = read_input(path, max_bytes, expected, error).decode("utf-8")
+        text = read_input(path, max_bytes, expected, error).decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         raise error(f"{path}: is no text; expected {expected}") from fault
     return text.replace("\r\n", "\n").replace("\r", "\n")

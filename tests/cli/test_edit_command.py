@@ -125,6 +125,23 @@ def test_a_file_of_control_points_is_read(out, edit, tmp_path):
     assert cartoloop.load(out).graph.node_poses[0, :2] == pytest.approx((100, 50), abs=0.01)
 
 
+def test_a_byte_order_mark_before_control_points(edit, tmp_path):
+    file = tmp_path / "survey.txt"
+    file.write_bytes("\ufeff0 0 100 50\r\n8 0 100 58\r\n".encode())
+
+    assert edit("control-points", str(file))[0] == 0
+
+
+def test_a_session_is_forgotten(out, edit):
+    edit("split", "0", "--at", "102.5", "--name", "afternoon")
+    printed = edit("forget", "--session", "1", "--from", "100", "--to", "103")[1]
+    assert "  -1 scans, -1 nodes, -30 returns of nodes" in printed
+    edit("forget", "--session", "0")
+
+    assert [one.name for one in cartoloop.load(out).sessions] == ["afternoon"]
+    assert len(cartoloop.load(out).stamps) == 2
+
+
 def test_explain_says_that_a_closure_was_removed(out, edit, capsys):
     edit("drop", "2")
     run(["explain", str(out), "--closure", "2"])
@@ -142,6 +159,10 @@ def test_explain_says_that_a_closure_was_removed(out, edit, capsys):
         (("forget",), 2, "give either --from"),
         (("forget", "--from", "101"), 2, "give both"),
         (("forget", "--from", "0", "--to", "1"), 1, "no scan has a stamp"),
+        (("forget", "--area", "50", "50", "51", "51"), 1, "shows nothing from x 50 to 51 m"),
+        (("forget", "--area", "0", "0", "1", "1", "--session", "0"), 2, "give either --from"),
+        (("forget", "--session", "0", "--to", "101"), 2, "give both"),
+        (("forget", "--session", "1"), 1, "the map has sessions 0 to 0"),
         (("control-points", "--point", "0,0=1,1"), 2, "two or more points"),
         (("control-points", "--point", "here"), 2, "is not X,Y=X,Y"),
         (("undo",), 1, "there is no edit to undo"),

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from cartoloop.config import WideSearchConfig
+from cartoloop.global_slam.claims import Claim
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.following import (
+    MASK_STRIDE,
     MAX_PLACES,
     Expected,
     SeenAreas,
@@ -17,7 +19,7 @@ from cartoloop.global_slam.following import (
     why_not_supported,
 )
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.placing import Claim, Placement
+from cartoloop.global_slam.placing import Placement
 from cartoloop.sensor.pose import Pose, compose
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -127,6 +129,33 @@ def test_scans_are_expected_where_the_other_part_has_seen():
     (only,) = found
     assert (only.scan, only.submap, only.share) == (0, 0, 1.0)
     assert only.tf_submap_scan == pytest.approx((4.0, 5.0, 0.0))
+
+
+def naive_share(grid, points, pose):
+    """The share of points that lie in cells of a coarse grid that were observed."""
+    mask = grid.cells[::MASK_STRIDE, ::MASK_STRIDE] > 0
+    step, seen = MASK_STRIDE * grid.resolution, 0
+    for x, y in points:
+        there = compose(Pose(*pose), Pose(x, y, 0.0))
+        col, row = round((there.x - grid.origin_x) / step), round((there.y - grid.origin_y) / step)
+        if 0 <= row < mask.shape[0] and 0 <= col < mask.shape[1]:
+            seen += bool(mask[row, col])
+    return seen / max(len(points), 1)
+
+
+def test_what_a_submap_has_seen_of_scans_is_counted():
+    rng = np.random.default_rng(4)
+    cells = rng.integers(0, 2, (90, 120), dtype=np.uint8)
+    grid = FinishedGrid(cells, -1.0, -2.0, 0.05)
+    scans = [rng.uniform(-2.0, 4.0, (count, 2)) for count in (40, 0, 7, 90)]
+    poses = rng.uniform(-2.0, 2.0, (4, 3))
+    batch = ScanPoints.of([*scans, *scans]).take(np.array([4, 1, 2, 7]))
+
+    shares = SeenAreas([FinishedSubmap(0, grid, 0.7)]).shares(0, batch, poses)
+
+    expected = [naive_share(grid, *each) for each in zip(scans, poses.tolist(), strict=True)]
+    assert shares.tolist() == pytest.approx(expected)
+    assert 0.1 < shares[3] < 0.9
 
 
 def test_scans_of_the_first_part_are_placed_in_the_second():

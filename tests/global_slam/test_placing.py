@@ -11,11 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.config import JoinConfig, WideSearchConfig
+from cartoloop.global_slam.claims import Claim, Claims
 from cartoloop.global_slam.hypotheses import Candidate, heaviest_clique
 from cartoloop.global_slam.placing import (
     MAX_SET,
-    Claim,
-    agreement,
     evidence_of,
     is_ambiguous,
     placement,
@@ -125,7 +124,7 @@ def test_bent_parts_still_agree():
 @given(st.lists(st.tuples(*[st.floats(-20.0, 20.0)] * 4), min_size=1, max_size=8))
 def test_agreement_is_symmetric_and_with_itself(places):
     claims = [claim(i, (x, y, 0.0), (a, b, 0.0)) for i, (x, y, a, b) in enumerate(places)]
-    agrees = agreement(claims, WIDE)
+    agrees = Claims.of(claims).agreement(WIDE)
     assert np.array_equal(agrees, agrees.T)
     assert agrees.diagonal().all()
 
@@ -155,13 +154,13 @@ def test_places_that_were_not_refused_count_in_full():
 
 
 def test_claims_are_compared_with_each_other_once(monkeypatch):
-    compared = []
+    compared, agreement = [], Claims.agreement
 
     def counted(claims, wide):
         compared.append(len(claims))
         return agreement(claims, wide)
 
-    monkeypatch.setattr(f"{MODULE}.agreement", counted)
+    monkeypatch.setattr(Claims, "agreement", counted)
     claims = along((1.0, 2.0, 0.5)) + along((30.0, 2.0, 0.5), count=3, first=5)
 
     found = placement(claims, [Pose(60.0, 0.0, 0.0)], JOIN, WIDE)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from cartoloop.config import JoinConfig, WideSearchConfig
+from cartoloop.global_slam.claims import Claim
 from cartoloop.global_slam.hypotheses import Candidate
 from cartoloop.global_slam.join_evidence import Examined, GeometryCheck, JoinAttempt, Strictness
-from cartoloop.global_slam.placing import Claim, placement
+from cartoloop.global_slam.placing import placement
 from cartoloop.global_slam.rivals import (
     RETRY_EVIDENCE,
     closed_places,

@@ -111,3 +111,21 @@ def test_the_graph_itself_stays():
     joined(parts, Pose(0.3, -0.35, 0.05))
     np.testing.assert_array_equal(parts.graph.node_poses, NODES)
     assert parts.graph.num_loop_closures == 0
+
+
+def test_what_is_kept_for_the_next_round_changes_nothing(monkeypatch):
+    placed, released, release = Pose(0.3, -0.35, 0.05), [], FinishedSubmap.release
+
+    def counted(submap):
+        released.append(submap.index)
+        release(submap)
+
+    monkeypatch.setattr(FinishedSubmap, "release", counted)
+    graphs = [joined(two_parts(room()), placed)]
+    assert released == [0, 1]  # both, after all rounds
+    monkeypatch.setattr("cartoloop.global_slam.tentative_join.KEPT_BYTES", 0)
+    graphs.append(joined(two_parts(room()), placed))
+    assert released == [0, 1, 0, 0, 0]  # that which overlaps, after each round
+
+    np.testing.assert_array_equal(graphs[0].node_poses, graphs[1].node_poses)
+    np.testing.assert_array_equal(graphs[0].submap_poses, graphs[1].submap_poses)

@@ -61,7 +61,7 @@ def test_best_shifts_are_those_of_an_exhaustive_search(seed):
     rng = np.random.default_rng(seed)
     cells = random_cells(rng)
     window = ShiftWindow(steps=3, step_cells=2, turns=1, turn=0.05, near_steps=1)
-    groups = [rng.uniform(-1.0, 2.5, (int(rng.integers(1, 12)), 2)) for _ in range(3)]
+    groups = [rng.uniform(-1.0, 2.5, (int(rng.integers(1, 80)), 2)) for _ in range(3)]
     batch, shifts = ScanPoints.of(groups), np.empty((3, 5))
 
     best_shifts(

@@ -25,6 +25,7 @@ ADD = {
     "residual": 0.1,
     "moved": [0.0, 0.0],
 }
+TIME = {"from_stamp": 100.0, "to_stamp": 101.0}
 POINT = {"node": 0, "place": [0.0, 0.0], "surveyed": [0.0, 0.0]}
 
 
@@ -69,6 +70,9 @@ def test_sound_rows_are_applied(folder):
         ("control_points", {"points": [POINT]}, "at least 2 items"),
         ("control_points", {"points": [POINT, POINT]}, "lie within 0.1 m"),
         ("align", {"angle": 1e9}, "less than or equal to 7"),
+        ("forget_time", TIME | {"scans": [0, 7]}, "no scans 0 to 7"),
+        ("forget_time", TIME | {"scans": [3, 3]}, "no scans 3 to 3"),
+        ("forget_time", TIME | {"scans": [-1, 3]}, "greater than or equal to 0"),
         ("forget_area", {"corner": [0, 0, 0], "size": [0, 1]}, "greater than 0"),
         ("split", {"scan": 6, "name": "a"}, "no scan 6"),
         ("rename", {"scan": 0, "name": "a\u001b[2J"}, "control characters"),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from cartoloop.map_editing.apply import apply_edits
 from cartoloop.map_editing.editor import Editor
 from cartoloop.map_file.write import map_bytes
 from cartoloop.sensor.pose import Pose, compose_all, transform_points
+from cartoloop.submaps.finished_grid import FinishedGrid
 from tests.map_editing.edited_map import editor, finished_map, poses_of
 from tests.map_output.small_result import small_result
 
@@ -379,6 +381,25 @@ def test_a_forgotten_area_is_unknown_in_the_map():
         assert not inside.any()
 
 
+def test_an_area_without_anything_is_not_stored():
+    one = editor()
+    one.forget_area(0.5, 0.3, 1.5, 1.2)
+    with pytest.raises(InputError, match=r"its path lies from x 0\.0 to 8\.0 m"):
+        one.forget_area(0.6, 0.4, 1.4, 1.1)
+    assert len(one.edits) == 1
+
+
+def test_an_area_with_returns_alone_is_forgotten():
+    bare = finished_map()
+    unknown = [
+        FinishedGrid(np.zeros_like(grid.cells), grid.origin_x, grid.origin_y, grid.resolution)
+        for grid in bare.submap_grids
+    ]
+    one = Editor(replace(bare, submap_grids=unknown))
+
+    assert one.forget_area(0.5, 0.3, 1.5, 1.2).returns < 0
+
+
 def _at(occupancy_map, x, y):
     row = int((y - occupancy_map.origin_y) / occupancy_map.resolution)
     col = int((x - occupancy_map.origin_x) / occupancy_map.resolution)
@@ -418,6 +439,45 @@ def test_a_session_without_scans_is_left_out():
     assert [session.name for session in one.map.sessions] == ["a.log", "evening"]
 
 
+def twice_recorded():
+    """An editor of a map of two sessions, three scans each, with the same stamps."""
+    one = editor()
+    one.split_session(0, 102.5, "again")
+    result = replace(one.map, original=None, edits=())
+    return Editor(replace(result, stamps=np.tile((100.0, 101.0, 102.0), 2)))
+
+
+def test_a_span_of_one_session_is_forgotten():
+    one = twice_recorded()
+    change = one.forget_time(100.0, 101.0, 1)
+
+    assert change.scans == -2
+    assert one.map.stamps.tolist() == [100.0, 101.0, 102.0, 102.0]
+    assert one.described() == [
+        "forget the scans from 100.000 to 101.000 of the session that begins with scan 3"
+    ]
+    assert one.forget_time(100.0, 101.0).scans == -2
+
+
+def test_a_whole_session_is_forgotten():
+    one = twice_recorded()
+    one.forget_session(0)
+
+    assert [session.name for session in one.map.sessions] == ["again"]
+    assert one.map.stamps.tolist() == [100.0, 101.0, 102.0]
+    assert one.edits[0].arguments["scans"] == [0, 3]
+
+
+def test_the_session_of_a_span_stays_the_same():
+    one = twice_recorded()
+    one.forget_time(100.0, 100.0, 0)
+    one.forget_session(1)
+    one.undo(0)
+
+    assert one.map.stamps.tolist() == [100.0, 101.0, 102.0]
+    assert [session.name for session in one.map.sessions] == ["a.log"]
+
+
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
@@ -427,6 +487,11 @@ def test_a_session_without_scans_is_left_out():
         (lambda one: one.undo(3), "edit 3: the map has no edits"),
         (lambda one: one.forget_time(0, 1), r"no scan has a stamp from 0\.000 to 1\.000"),
         (lambda one: one.forget_time(0, 200), "nothing would be left"),
+        (lambda one: one.forget_time(0, 1, 0), "no scan of session 0 has a stamp from 0"),
+        (lambda one: one.forget_time(100, 101, 1), "session 1: the map has sessions 0 to 0"),
+        (lambda one: one.forget_session(0), "nothing would be left"),
+        (lambda one: one.forget_session(1), "session 1: the map has sessions 0 to 0"),
+        (lambda one: one.forget_area(50, 50, 51, 51), "shows nothing from x 50 to 51 m, y 50"),
         (lambda one: one.split_session(0, 99.0), r"is of 100\.000 to 105\.000: give a stamp"),
         (lambda one: one.split_session(1, 99.0), "session 1: the map has sessions 0 to 0"),
         (lambda one: one.set_control_points([(0, 0, 1, 1), (0, 0, 2, 2)]), "lie within 0.1 m"),

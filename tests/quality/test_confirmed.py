@@ -71,3 +71,15 @@ def test_submaps_are_looked_at_once(monkeypatch):
     assert len(first[0]) == 2
     for node in range(2):
         np.testing.assert_array_equal(again[node], first[node])
+
+
+def test_other_submaps_and_nodes_are_looked_at_again():
+    graph, scans = seen_from((0.0, 0.0, 0.0))
+    confirmed = ConfirmedReturns()
+    assert confirmed.of(graph, [grid()], scans, np.array([0])).counts.tolist() == [2]
+    assert confirmed.of(graph, [grid()], scans, np.zeros(0, np.int64)).counts.tolist() == [0]
+
+    graph.add_submap((0.0, 0.0, 0.0))
+    graph.add_constraints(ConstraintKind.INTRA_SUBMAP, [1], [0], [(1.0, 0.0, 0.0)], [np.eye(3)])
+    moved = confirmed.of(graph, [grid(), grid()], scans, np.array([0, 1]))
+    assert moved.counts.tolist() == [3]

@@ -134,20 +134,29 @@ def forget_command(
         tuple[float, float, float, float] | None,
         typer.Option(metavar="X0 Y0 X1 Y1", help="Two corners of an area of the map [m]."),
     ] = None,
+    session: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Only the scans of this session, or all of it."),
+    ] = None,
     dry_run: DryRunOption = False,
 ) -> None:
-    """Leave out the scans of a span of time, or what was seen in an area."""
+    """Leave out the scans of a span of time or of a session, or what was seen in an area."""
     is_span = from_stamp is not None or to_stamp is not None
-    if is_span == (area is not None):
-        raise ConfigError("give either --from STAMP and --to STAMP, or --area X0 Y0 X1 Y1")
-    if area is not None:
-        corners = area
-        _change(out, lambda editor: editor.forget_area(*corners), dry_run=dry_run)
-        return
-    if from_stamp is None or to_stamp is None:
+    if (is_span or session is not None) == (area is not None):
+        raise ConfigError(
+            "give either --from STAMP and --to STAMP, --session N, or --area X0 Y0 X1 Y1"
+        )
+    if is_span and (from_stamp is None or to_stamp is None):
         raise ConfigError("give both --from STAMP and --to STAMP")
-    first, last = from_stamp, to_stamp
-    _change(out, lambda editor: editor.forget_time(first, last), dry_run=dry_run)
+
+    def change(editor: Editor[Result]) -> Change:
+        if area is not None:
+            return editor.forget_area(*area)
+        if from_stamp is not None and to_stamp is not None:
+            return editor.forget_time(from_stamp, to_stamp, session)
+        return editor.forget_session(-1 if session is None else session)
+
+    _change(out, change, dry_run=dry_run)
 
 
 def split_command(

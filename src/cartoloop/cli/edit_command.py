@@ -53,7 +53,7 @@ _CHANGE = (
         "forget",
         edit_changes.forget_command,
         [
-            "cartoloop edit intel forget --from 976052900.5 --to 976052931",
+            "cartoloop edit intel forget --from 976052900.5 --to 976052931 --session 0",
             "cartoloop edit intel forget --area 2.5 -1 4 0.5",
         ],
     ),

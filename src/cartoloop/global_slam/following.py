@@ -17,15 +17,15 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import WideSearchConfig
+from cartoloop.global_slam.claims import Claim, Claims
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.placing import Claim, Placement, agreement, fitted_pose, is_same
+from cartoloop.global_slam.placing import Placement, fitted_pose
 from cartoloop.sensor.pose import (
     Pose,
     compose_all,
     inverse,
     relative_all,
-    transform_points,
     wrap_angle,
 )
 from cartoloop.sensor.scan_points import ScanPoints
@@ -79,34 +79,47 @@ class SeenAreas:
         self._submaps = submaps
         self._masks: dict[int, BoolArray] = {}
 
-    def share(self, submap: int, points: FloatArray) -> float:
-        """Return the share of points that a submap has seen.
+    def shares(self, submap: int, scans: ScanPoints, tf_submap_scan: FloatArray) -> FloatArray:
+        """Return the share of the points of each scan that a submap has seen, shape (n,).
 
         Parameters
         ----------
-        points : shape (n, 2), submap frame [m].
+        scans : n scans; those without points have seen nothing.
+        tf_submap_scan : shape (n, 3).
         """
         grid = self._submaps[submap].grid
         if submap not in self._masks:
             self._masks[submap] = grid.cells[::MASK_STRIDE, ::MASK_STRIDE] > 0
         mask, step = self._masks[submap], MASK_STRIDE * grid.resolution
-        places = np.rint((points - (grid.origin_x, grid.origin_y)) / step).astype(np.int64)
-        rows, cols = places[:, 1], places[:, 0]
-        is_inside = (rows >= 0) & (cols >= 0) & (rows < mask.shape[0]) & (cols < mask.shape[1])
-        return float(np.count_nonzero(mask[rows[is_inside], cols[is_inside]]) / max(len(points), 1))
+        counts = scans.counts
+        ends = np.cumsum(counts)
+        numbers = np.arange(int(counts.sum())) + np.repeat(scans.firsts - ends + counts, counts)
+        x, y = scans.points[numbers].T
+        at_x, at_y, theta = tf_submap_scan.T
+        cos, sin = np.repeat(np.cos(theta), counts), np.repeat(np.sin(theta), counts)
+        placed_x, placed_y = np.repeat(at_x, counts), np.repeat(at_y, counts)
+        cols = np.rint((placed_x + cos * x - sin * y - grid.origin_x) / step).astype(np.int64)
+        rows = np.rint((placed_y + sin * x + cos * y - grid.origin_y) / step).astype(np.int64)
+        is_seen = (rows >= 0) & (cols >= 0) & (rows < mask.shape[0]) & (cols < mask.shape[1])
+        is_seen[is_seen] = mask[rows[is_seen], cols[is_seen]]
+        totals = np.concatenate(([0], np.cumsum(is_seen)))
+        shares: FloatArray = (totals[ends] - totals[ends - counts]) / np.maximum(counts, 1)
+        return shares
 
 
 def followed_places(claims: Sequence[Claim], wide: WideSearchConfig) -> list[Pose]:
     """Return the places that claims are about, the likeliest first."""
     places: list[Pose] = []
-    ordered = sorted(claims, key=lambda each: (-each.evidence, each.candidate.row))
-    agrees = agreement(ordered, wide) if ordered else np.zeros((0, 0), dtype=bool)
-    for number, claim in enumerate(ordered):
-        if not any(is_same(claim, pose, wide) for pose in places):
-            near = [each for each, fits in zip(ordered, agrees[number], strict=True) if fits]
-            places.append(fitted_pose(near))
+    columns = Claims.of(claims)
+    rows = np.array([each.row for each in columns.candidates], dtype=np.int64)
+    columns = columns.take(np.lexsort((rows, -columns.evidence)))
+    agrees, is_placed = columns.agreement(wide), np.zeros(len(columns), dtype=bool)
+    for number in range(len(columns)):
+        if not is_placed[number]:
+            places.append(fitted_pose(columns.take(np.flatnonzero(agrees[number]))))
             if len(places) == MAX_PLACES:
                 break
+            is_placed |= columns.are_at(places[-1], wide)
     return places
 
 
@@ -128,17 +141,18 @@ def expected_scans(
     """
     numbers, poses, points = scans
     parts, submap_poses = submaps
-    into = (Pose(*tf_one_other), inverse(Pose(*tf_one_other)))
+    into = (np.array(tf_one_other), np.array(inverse(Pose(*tf_one_other))))
     found = []
-    for number, pose, part in zip(numbers.tolist(), poses, scan_parts.tolist(), strict=True):
-        there = compose_all(np.array(into[0] if part == 1 else into[1]), pose[np.newaxis])
+    for part in (0, 1):
+        own = np.flatnonzero(scan_parts == part)
+        there = compose_all(into[1 - part], poses[own])
         for submap in np.flatnonzero(parts == 1 - part).tolist():
-            tf_submap_scan = relative_all(submap_poses[submap], there)[0]
-            placed = transform_points(Pose(*tf_submap_scan.tolist()), points[number])
-            share = areas.share(submap, placed)
-            if share > MIN_SEEN_SHARE:
-                found.append(Expected(number, submap, tf_submap_scan, share))
-    return found
+            tf_submap_scan = relative_all(submap_poses[submap], there)
+            shares = areas.shares(submap, points.take(numbers[own]), tf_submap_scan)
+            for row in np.flatnonzero(shares > MIN_SEEN_SHARE).tolist():
+                number, share = int(numbers[own[row]]), float(shares[row])
+                found.append(Expected(number, submap, tf_submap_scan[row], share))
+    return sorted(found, key=lambda each: each[:2])
 
 
 def why_not_supported(

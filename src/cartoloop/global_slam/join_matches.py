@@ -10,6 +10,7 @@ import numpy as np
 
 from cartoloop.arrays import IntArray
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.claims import Claims
 from cartoloop.global_slam.closure_matches import Requests
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
@@ -18,7 +19,6 @@ from cartoloop.global_slam.following import Expected, SeenAreas, expected_scans,
 from cartoloop.global_slam.graph_records import WideOutcome
 from cartoloop.global_slam.hypotheses import Candidate, best_place
 from cartoloop.global_slam.join_records import NO_REQUESTS, JoinSearch
-from cartoloop.global_slam.placing import Claim
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
 from cartoloop.global_slam.wide_search import SearchTask
@@ -140,9 +140,9 @@ class JoinMatches:
             tf_one_other, scans, scan_parts, (codes, graph.submap_poses), self._areas
         )
 
-    def claims(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
+    def claims(self, graph: PoseGraph) -> dict[tuple[int, int], Claims]:
         """Return the hypotheses about each pair of parts: of each scan the best, if distinct."""
-        claims: dict[tuple[int, int], list[Claim]] = {}
+        distinct: dict[tuple[int, int], list[tuple[Candidate, float]]] = {}
         for pair, candidates in self._of_pairs(graph):
             poses = np.array([each.tf_submap_scan for each in candidates])
             submaps = np.array([each.submap for each in candidates])
@@ -150,45 +150,52 @@ class JoinMatches:
             best, other_score = best_place(candidates, placed, self._config.wide_search)
             evidence = candidates[best].score - other_score
             if evidence >= self._config.join.min_margin:
-                claims.setdefault(pair, []).append(
-                    self._claim(candidates[best], evidence, pair, graph)
-                )
-        return claims
+                distinct.setdefault(pair, []).append((candidates[best], evidence))
+        return {pair: self._claims(some, pair, graph) for pair, some in distinct.items()}
 
-    def all_claims(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
+    def all_claims(self, graph: PoseGraph) -> dict[tuple[int, int], Claims]:
         """Return all matches between each pair of parts, also those that are not the best."""
-        claims: dict[tuple[int, int], list[Claim]] = {}
+        matches: dict[tuple[int, int], list[tuple[Candidate, float]]] = {}
         for pair, candidates in self._of_pairs(graph):
-            claims.setdefault(pair, []).extend(
-                self._claim(each, each.score - each.other_score, pair, graph) for each in candidates
+            matches.setdefault(pair, []).extend(
+                (each, each.score - each.other_score) for each in candidates
             )
-        return claims
+        return {pair: self._claims(some, pair, graph) for pair, some in matches.items()}
 
     def _of_pairs(self, graph: PoseGraph) -> Iterator[tuple[tuple[int, int], list[Candidate]]]:
         """Yield the matches of each composite scan in each other part, and the pair of parts."""
-        node_parts = self._sessions.of_nodes(graph.num_nodes)
-        submap_parts = self._sessions.of_submaps(graph.num_submaps)
+        scan_parts = self._sessions.of_nodes(graph.num_nodes)[self._scans.nodes].tolist()
+        submap_parts = self._sessions.of_submaps(graph.num_submaps).tolist()
         for scan in sorted(self.of_scan):
-            own = int(node_parts[self._scans.nodes[scan]])
-            for part in sorted({int(submap_parts[each.submap]) for each in self.of_scan[scan]}):
+            own = scan_parts[scan]
+            by_part: dict[int, list[Candidate]] = {}
+            for each in self.of_scan[scan]:
+                by_part.setdefault(submap_parts[each.submap], []).append(each)
+            for part in sorted(by_part):
                 if part != own:
-                    yield (
-                        (min(own, part), max(own, part)),
-                        [each for each in self.of_scan[scan] if submap_parts[each.submap] == part],
-                    )
+                    yield (min(own, part), max(own, part)), by_part[part]
 
-    def _claim(
-        self, candidate: Candidate, evidence: float, pair: tuple[int, int], graph: PoseGraph
-    ) -> Claim:
-        """Return a match as a claim about two parts."""
-        node = int(self._scans.nodes[candidate.scan])
-        tf_own_scan = graph.node_poses[node].copy()
+    def _claims(
+        self,
+        matches: Sequence[tuple[Candidate, float]],
+        pair: tuple[int, int],
+        graph: PoseGraph,
+    ) -> Claims:
+        """Return matches, each with its evidence, as claims about two parts."""
+        candidates = [candidate for candidate, _ in matches]
+        nodes = self._scans.nodes[np.array([each.scan for each in candidates])]
+        submaps = np.array([each.submap for each in candidates])
+        own = graph.node_poses[nodes]
         placed = compose_all(
-            graph.submap_poses[candidate.submap], candidate.tf_submap_scan[np.newaxis]
-        )[0]
-        is_one = int(self._sessions.of_nodes(graph.num_nodes)[node]) == pair[0]
-        one, other = (tf_own_scan, placed) if is_one else (placed, tf_own_scan)
-        return Claim(candidate, one, other, evidence)
+            graph.submap_poses[submaps], np.array([each.tf_submap_scan for each in candidates])
+        )
+        is_one = (self._sessions.of_nodes(graph.num_nodes)[nodes] == pair[0])[:, np.newaxis]
+        return Claims(
+            candidates,
+            np.where(is_one, own, placed),
+            np.where(is_one, placed, own),
+            np.array([evidence for _, evidence in matches]),
+        )
 
     def drop_within_parts(self, graph: PoseGraph) -> list[int]:
         """Forget the matches between what is one part by now; return their rows."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.claims import Claims
 from cartoloop.global_slam.closure_matches import Requests
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
@@ -41,11 +42,7 @@ from cartoloop.global_slam.join_records import (
     recorded_join_searches,
 )
 from cartoloop.global_slam.judging import Judging
-from cartoloop.global_slam.placing import (
-    Claim,
-    placement,
-    why_not_believed,
-)
+from cartoloop.global_slam.placing import placement, why_not_believed
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.rivals import reason, reopen
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
@@ -159,7 +156,7 @@ class Joining:
         unlikely = set()
         claims = self._matches.claims(graph)
         for pair, attempt in self.attempts.items():
-            found = placement(claims.get(pair, []), (), self._config.join, self._config.wide_search)
+            found = placement(claims.get(pair, ()), (), self._config.join, self._config.wide_search)
             is_likely = found is not None and len(found.claims) > 1
             attempt.is_cut_short = not is_likely and not self._is_short(pair, graph)
             if attempt.is_cut_short:
@@ -265,7 +262,7 @@ class Joining:
         every_match = self._short_pairs_matches(graph) if self.follows else {}
         for pair in sorted(self.attempts):
             attempt = self._attempt(*pair)
-            mine = (all_claims.get(pair, []), every_match.get(pair, []))
+            mine = (all_claims.get(pair, ()), every_match.get(pair, ()))
             why_not = self._judging.why_not(attempt, *mine, graph, follows=self.follows)
             if why_not or attempt.found is None:
                 attempt.why_not = reason(why_not, attempt)
@@ -278,7 +275,7 @@ class Joining:
             return None
         return best[2]
 
-    def _short_pairs_matches(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
+    def _short_pairs_matches(self, graph: PoseGraph) -> dict[tuple[int, int], Claims]:
         """Return all matches between the parts whose places are followed."""
         matches = self._matches.all_claims(graph)
         return {pair: matches[pair] for pair in matches if self._is_short(pair, graph)}

@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.claims import Claim
 from cartoloop.global_slam.following import why_not_supported
 from cartoloop.global_slam.join_evidence import JoinAttempt, Strictness
 from cartoloop.global_slam.join_matches import JoinMatches
-from cartoloop.global_slam.placing import Claim, is_ambiguous, placement, why_not_believed
+from cartoloop.global_slam.placing import is_ambiguous, placement, why_not_believed
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.rivals import (
     closed_places,

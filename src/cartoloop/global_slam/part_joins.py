@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from cartoloop.global_slam.join_evidence import (
     GeometryCheck,
     JoinAttempt,
     Nearby,
+    Strictness,
     TwoParts,
 )
 from cartoloop.global_slam.join_records import (
@@ -36,6 +38,7 @@ from cartoloop.global_slam.tentative_join import place_part, tentative_joins
 from cartoloop.global_slam.wide_search import refined
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
+from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.scan_points import ScanPoints
 
 
@@ -133,6 +136,8 @@ class PartJoins:
             config.constraint_search, closures, submaps, search, scans, sessions, outcomes
         )
         self.done: list[JoinRecord] = []
+        self._known: dict[_Evidence, tuple[GeometryCheck, Nearby]] = {}
+        self._known_graph: tuple[int, int, bytes] | None = None
 
     @property
     def is_needed(self) -> bool:
@@ -176,17 +181,11 @@ class PartJoins:
             decision = recorded_join_decision(recorded)
             return decision.check, decision.nearby
         assert attempt.found is not None and self._check is not None
-        candidates = [claim.candidate for claim in attempt.found.claims]
-        of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
-        of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
         placed = attempt.found.tf_one_other
-        closures = (found, of_submap, of_node)
-        nearby = NO_NEARBY
-        for joined, searched in tentative_joins(self._config, parts, placed, closures):
-            check = self._check(joined, attempt.strictness)
-            if not check.fault:
-                nearby = searched
-                break
+        known, evidence = self._known_examinations(parts), _evidence_of(attempt)
+        if evidence not in known:
+            known[evidence] = self._examine(attempt, found, parts)
+        check, nearby = known[evidence]
         if self._recorded.is_recording:
             decision = JoinDecision(
                 attempt.one,
@@ -199,6 +198,37 @@ class PartJoins:
             )
             self._recorded.record(Kind.JOIN_DECIDED, join_decision_record(decision))
         return check, nearby
+
+    def _examine(
+        self, attempt: JoinAttempt, found: SearchMatches, parts: TwoParts
+    ) -> tuple[GeometryCheck, Nearby]:
+        """Return how well two parts agree in the best of the shapes that a join gives them."""
+        assert attempt.found is not None and self._check is not None
+        candidates = [claim.candidate for claim in attempt.found.claims]
+        of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
+        of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
+        closures = (found, of_submap, of_node)
+        for joined, searched in tentative_joins(
+            self._config, parts, attempt.found.tf_one_other, closures
+        ):
+            check = self._check(joined, attempt.strictness)
+            if not check.fault:
+                return check, searched
+        return check, NO_NEARBY
+
+    def _known_examinations(self, parts: TwoParts) -> dict[_Evidence, tuple[GeometryCheck, Nearby]]:
+        """Return what examinations of the graph as it is have found.
+
+        Places that were refused are examined again after more was searched there. Where nothing
+        was found, neither the evidence nor the graph differ, and what was found before stands.
+        """
+        graph, digest = parts.graph, sha256()
+        for poses in (graph.node_poses, graph.submap_poses):
+            digest.update(poses.tobytes())
+        state = graph.num_constraints, graph.revision, digest.digest()
+        if state != self._known_graph:
+            self._known, self._known_graph = {}, state
+        return self._known
 
     def summary(self) -> dict[str, list[dict[str, Any]]]:
         """Return what was joined, and what was not and why, for the report; empty if nothing."""
@@ -227,3 +257,20 @@ class PartJoins:
             code[parts == attempt.one], code[parts == attempt.other] = 0, 1
             codes.append(code)
         return TwoParts(graph, self._submaps, node_points, *codes)
+
+
+_Evidence = tuple[int, int, Strictness, Pose, tuple[tuple[int, int, bytes], ...]]
+"""By which an examination is known: the parts, how strictly, where, and by which matches."""
+
+
+def _evidence_of(attempt: JoinAttempt) -> _Evidence:
+    """Return by what the best placement of an attempt is supported."""
+    assert attempt.found is not None
+    matches = [claim.candidate for claim in attempt.found.claims]
+    return (
+        attempt.one,
+        attempt.other,
+        attempt.strictness,
+        attempt.found.tf_one_other,
+        tuple((each.scan, each.submap, each.tf_submap_scan.tobytes()) for each in matches),
+    )

@@ -17,31 +17,9 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import JoinConfig, WideSearchConfig
-from cartoloop.global_slam.hypotheses import Candidate, heaviest_clique
-from cartoloop.sensor.pose import Pose, compose, inverse, relative_all, wrap_angle, wrap_angles
-
-
-class Claim(NamedTuple):
-    """A hypothesis about two parts: where a composite scan is in both.
-
-    Attributes
-    ----------
-    candidate : the match.
-    tf_one_scan, tf_other_scan : shape (3,), pose in either part; one of them is claimed.
-    evidence : by which the score exceeds the best one in another place.
-    """
-
-    candidate: Candidate
-    tf_one_scan: FloatArray
-    tf_other_scan: FloatArray
-    evidence: float
-
-    @property
-    def tf_one_other(self) -> Pose:
-        """Where the claim places the frame of the other part in that of the one."""
-        return compose(
-            Pose(*self.tf_one_scan.tolist()), inverse(Pose(*self.tf_other_scan.tolist()))
-        )
+from cartoloop.global_slam.claims import Claim, Claims
+from cartoloop.global_slam.hypotheses import heaviest_clique
+from cartoloop.sensor.pose import Pose, compose
 
 
 class Placement(NamedTuple):
@@ -81,17 +59,18 @@ def placement(
     """
     if not claims:
         return None
-    agrees, evidence = agreement(claims, wide), np.array([claim.evidence for claim in claims])
-    is_left = np.array(
-        [not any(is_same(claim, pose, wide) for pose in refused) for claim in claims]
-    )
+    claims = Claims.of(claims)
+    agrees, evidence = claims.agreement(wide), claims.evidence
+    is_left = np.ones(len(claims), dtype=bool)
+    for pose in refused:
+        is_left &= ~claims.are_at(pose, wide)
     best = _heaviest(agrees, evidence, np.flatnonzero(is_left))
     if not best:
         return None
     chosen = [claims[i] for i in best]
     strongest = max(chosen, key=lambda claim: (claim.evidence, -claim.candidate.row))
     pose = strongest.tf_one_other
-    is_elsewhere = np.array([not is_same(claim, pose, wide) for claim in claims])
+    is_elsewhere = ~claims.are_at(pose, wide)
     rival = _most(agrees, evidence, np.flatnonzero(is_left & is_elsewhere))
     if not is_left.all():
         # Where a place that fits was refused, places look alike: what it had counts against others.
@@ -141,26 +120,6 @@ def is_ambiguous(found: Placement, join: JoinConfig) -> bool:
     return found.rival > join.max_rival_share * found.evidence
 
 
-def agreement(claims: Sequence[Claim], wide: WideSearchConfig) -> BoolArray:
-    """Return which claims agree with each other, (n, n)."""
-    one = np.array([claim.tf_one_scan for claim in claims])
-    other = np.array([claim.tf_other_scan for claim in claims])
-    agrees = np.empty((len(one), len(one)), dtype=bool)
-    for i in range(len(one)):
-        in_one, in_other = relative_all(one[i], one), relative_all(other[i], other)
-        error = in_one - in_other
-        between = np.hypot(in_other[:, 0], in_other[:, 1])
-        agrees[i] = (
-            np.hypot(error[:, 0], error[:, 1])
-            <= wide.max_disagreement + wide.max_disagreement_growth * between
-        ) & (
-            np.abs(wrap_angles(error[:, 2]))
-            <= np.radians(wide.max_turn_deg + wide.max_turn_growth_deg * between)
-        )
-    both: BoolArray = agrees & agrees.T
-    return both
-
-
 def _heaviest(agrees: BoolArray, evidence: FloatArray, rows: IntArray) -> list[int]:
     """Return the set of claims that agree with the most evidence, ascending; empty without any.
 
@@ -196,9 +155,9 @@ def fitted_pose(claims: Sequence[Claim]) -> Pose:
     A single match is a few tenths of a metre and a degree off: at the far end of a part that is a
     metre. Together, as far apart as they lie, they show the heading.
     """
-    one = np.array([claim.tf_one_scan for claim in claims])
-    other = np.array([claim.tf_other_scan for claim in claims])
-    weights = np.array([max(claim.evidence, MIN_WEIGHT) for claim in claims])
+    columns = Claims.of(claims)
+    one, other = columns.tf_one_scan, columns.tf_other_scan
+    weights = np.maximum(columns.evidence, MIN_WEIGHT)
     centres = [np.average(poses[:, :2], axis=0, weights=weights) for poses in (one, other)]
     a, b = other[:, :2] - centres[1], one[:, :2] - centres[0]
     turns = one[:, 2] - other[:, 2]
@@ -211,20 +170,11 @@ def fitted_pose(claims: Sequence[Claim]) -> Pose:
 
 def evidence_of(claims: Sequence[Claim], tf_one_other: Pose, wide: WideSearchConfig) -> float:
     """Return the evidence of the largest set of claims that agree on about a place."""
-    near = [claim for claim in claims if is_same(claim, tf_one_other, wide)]
+    columns = Claims.of(claims)
+    near = columns.take(np.flatnonzero(columns.are_at(tf_one_other, wide)))
     if not near:
         return 0.0
-    evidence = np.array([claim.evidence for claim in near])
-    return _most(agreement(near, wide), evidence, np.arange(len(near)))
-
-
-def is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
-    """Return whether a claim places its scan, within what drifts, where a placement does."""
-    x, y, theta = compose(tf_one_other, Pose(*claim.tf_other_scan.tolist()))
-    claimed = claim.tf_one_scan
-    apart = math.dist((x, y), (float(claimed[0]), float(claimed[1])))
-    turn = abs(wrap_angle(theta - float(claimed[2])))
-    return apart <= SAME_PLACE * wide.place_distance and turn <= math.radians(wide.place_angle_deg)
+    return _most(near.agreement(wide), near.evidence, np.arange(len(near)))
 
 
 MAX_SET = 24
@@ -233,6 +183,3 @@ its time may double with each."""
 
 LEVER_M, MIN_WEIGHT = 5.0, 0.01
 """Headings of matches count as positions at this distance [m], and a match at least this much."""
-
-SAME_PLACE = 3.0
-"""Claims within this many times ``place_distance`` are about the same place: parts are bent."""

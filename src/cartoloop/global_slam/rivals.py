@@ -6,8 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cartoloop.config import JoinConfig, WideSearchConfig
+from cartoloop.global_slam.claims import Claim, Claims
 from cartoloop.global_slam.join_evidence import Examined, JoinAttempt
-from cartoloop.global_slam.placing import Claim, Placement, evidence_of, is_same, placement
+from cartoloop.global_slam.placing import Placement, evidence_of, placement
 from cartoloop.sensor.pose import Pose
 
 RETRY_EVIDENCE = 1.5
@@ -45,11 +46,12 @@ def reopen(
     tf_one_other : the place.
     claims : about the two parts; that a claim is about both says that two poses are one place.
     """
-    near = [claim for claim in claims if is_same(claim, tf_one_other, wide)]
+    columns = Claims.of(claims)
+    is_near = columns.are_at(tf_one_other, wide)
     attempt.refused[:] = [
         each
         for each in attempt.refused
-        if not any(is_same(claim, each.tf_one_other, wide) for claim in near)
+        if not (is_near & columns.are_at(each.tf_one_other, wide)).any()
     ]
 
 

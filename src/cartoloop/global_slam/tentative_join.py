@@ -22,7 +22,7 @@ from cartoloop.global_slam.part_drift import Drift, drift_of
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
 from cartoloop.global_slam.sessions import NodeSubmaps
-from cartoloop.sensor.pose import Pose, compose_all, relative_all, transform_points
+from cartoloop.sensor.pose import Pose, compose_all, relative_all
 from cartoloop.sensor.scan_points import ScanPoints
 
 EVERY_NTH_NODE = 4
@@ -33,6 +33,9 @@ MAX_SUBMAPS = 40
 
 MAX_ROUNDS = 3
 """Rounds of matching, at most."""
+
+KEPT_BYTES = 64 << 20
+"""What searches compute of submaps is kept from round to round if it is not more [bytes]."""
 
 
 def place_part(parts: TwoParts, tf_one_other: Pose) -> None:
@@ -73,27 +76,38 @@ def tentative_joins(
     iterations = config.pose_adjustment.max_num_final_iterations
     share = config.pose_adjustment.mapping_share
     GraphAdjustment(joined, config, share).run(iterations)
-    unmatched = joined.copy()
-    for _ in range(MAX_ROUNDS):
-        matched = unmatched.copy()
-        matched.node_poses[:] = joined.node_poses
-        matched.submap_poses[:] = joined.submap_poses
-        constraints, nearby = _overlap_matches(config, replace(parts, graph=joined))
-        for each in (*constraints, _constraints(nearby)):
-            matched.add_loop_closures(each)
-        GraphAdjustment(matched, config, share).run(iterations)
-        joined = matched
-        yield replace(parts, graph=joined), nearby
+    unmatched, areas = joined.copy(), SeenAreas(parts.submaps)
+    own = [parts.submaps[index] for part in (0, 1) for index in parts.submaps_of(part).tolist()]
+    keeps = sum(submap.search_bytes for submap in own) <= KEPT_BYTES
+    try:
+        for _ in range(MAX_ROUNDS):
+            matched = unmatched.copy()
+            matched.node_poses[:] = joined.node_poses
+            matched.submap_poses[:] = joined.submap_poses
+            placed = replace(parts, graph=joined)
+            constraints, nearby = _overlap_matches(config, placed, areas, keeps=keeps)
+            for each in (*constraints, _constraints(nearby)):
+                matched.add_loop_closures(each)
+            GraphAdjustment(matched, config, share).run(iterations)
+            joined = matched
+            yield replace(parts, graph=joined), nearby
+    finally:
+        for submap in own if keeps else ():
+            submap.release()
 
 
 def _overlap_matches(
-    config: GlobalSlamConfig, parts: TwoParts
+    config: GlobalSlamConfig, parts: TwoParts, areas: SeenAreas, *, keeps: bool
 ) -> tuple[list[ClosureConstraints], Nearby]:
     """Return the matches of nodes of either part in submaps of the other, near where they are.
 
     Where both parts are true, all nodes are found from where they are. Where they are bent, those
     far from what holds the parts together are not, and are searched nearby, as the map itself does
     once they are joined.
+
+    Parameters
+    ----------
+    keeps : whether what is computed of submaps is kept for the next round.
     """
     graph, submaps, limits = parts.graph, parts.submaps, config.constraint_search
     overlaps: list[tuple[int, IntArray]] = []
@@ -109,7 +123,7 @@ def _overlap_matches(
                 found.append((index, nodes))
         found.sort(key=lambda each: (-len(each[1]), each[0]))
         overlaps += found[:MAX_SUBMAPS]
-    areas, own_submaps, drift = SeenAreas(submaps), NodeSubmaps.of(graph).first, drift_of(parts)
+    own_submaps, drift = NodeSubmaps.of(graph).first, drift_of(parts)
     accepted, searched = [], []
     for index, nodes in overlaps:
         pose: FloatArray = graph.submap_poses[index]
@@ -129,7 +143,8 @@ def _overlap_matches(
         left = nodes[np.isin(nodes, matches.node[fits], invert=True)]
         requests = _requests_nearby(limits, parts, index, left, areas, own_submaps, drift)
         searched.append(_searched(limits, submaps[index], requests, parts.node_points))
-        submaps[index].release()
+        if not keeps:
+            submaps[index].release()
     return accepted, as_one(searched)
 
 
@@ -152,14 +167,7 @@ def _requests_nearby(
     """
     graph = parts.graph
     expected = relative_all(graph.submap_poses[index], graph.node_poses[nodes])
-    is_seen = np.array(
-        [
-            areas.share(index, transform_points(Pose(*pose), parts.node_points[node]))
-            > MIN_SEEN_SHARE
-            for pose, node in zip(expected.tolist(), nodes.tolist(), strict=True)
-        ],
-        dtype=bool,
-    )
+    is_seen = areas.shares(index, parts.node_points.take(nodes), expected) > MIN_SEEN_SHARE
     nodes = nodes[is_seen]
     return Requests(
         np.full(len(nodes), index, dtype=np.int32),

@@ -207,7 +207,7 @@ def count_along(
             for j in range(group.shape[0]):
                 cols[j] = np.int64(np.floor((group[j, 0] + x) / grid.resolution))
                 rows[j] = np.int64(np.floor((group[j, 1] + y) / grid.resolution))
-            out_counts[i, s] = _num_fitting(grid.cells, wall, rows, cols, 0, 0)
+            out_counts[i, s] = _num_fitting(grid.cells, wall, rows, cols, 0, 0, -1.0)
 
 
 @borrowing_kernel
@@ -238,12 +238,19 @@ def _try_shifts(
             squared = down * down + right * right
             if near < squared < elsewhere:
                 continue
+            best = out_shift[0] if squared <= near else out_shift[1]
             fitting = _num_fitting(
-                grid.cells, wall, rows, cols, down * window.step_cells, right * window.step_cells
+                grid.cells,
+                wall,
+                rows,
+                cols,
+                down * window.step_cells,
+                right * window.step_cells,
+                best,
             )
             if squared <= near:
-                out_shift[0] = max(out_shift[0], fitting)
-            elif fitting > out_shift[1]:
+                out_shift[0] = max(best, fitting)
+            elif fitting > best:
                 step = window.step_cells * grid.resolution
                 out_shift[1] = fitting
                 out_shift[2] = right * step
@@ -253,12 +260,25 @@ def _try_shifts(
 
 @borrowing_kernel
 def _num_fitting(
-    cells: ByteArray, wall: int, rows: IntArray, cols: IntArray, down: int, right: int
+    cells: ByteArray,
+    wall: int,
+    rows: IntArray,
+    cols: IntArray,
+    down: int,
+    right: int,
+    best: float,
 ) -> int:
-    """Return how many points, given by the lower left of their four cells, are at a wall."""
+    """Return how many points, given by the lower left of their four cells, are at a wall.
+
+    Parameters
+    ----------
+    best : it ends early, with less, where it cannot become more than this; -1: it does not.
+    """
     num_rows, num_cols = cells.shape
-    fitting = 0
-    for j in range(rows.shape[0]):
+    count, fitting = rows.shape[0], 0
+    for j in range(count):
+        if fitting + count - j <= best:
+            break
         row, col = rows[j] + down, cols[j] + right
         if not (0 <= row < num_rows - 1 and 0 <= col < num_cols - 1):
             continue

@@ -63,6 +63,18 @@ class Applied(Generic[AnyMap]):
     session_begins: tuple[int, ...]
     fits: dict[int, PointFit] = field(default_factory=dict)
 
+    @property
+    def map_as_mapped(self) -> MapData:
+        """The map without its edits."""
+        return self.map if self.map.original is None else self.map.original
+
+    def scans_as_mapped(self, session: int) -> tuple[int, int]:
+        """Return the first scan of a session of the map, and its end, in the map as mapped."""
+        mapped, first = self.map_as_mapped, self.session_begins[session]
+        # A session that is left out begins after others, too.
+        begins = [*self.session_begins, *(one.first_scan for one in mapped.sessions)]
+        return first, min([each for each in begins if each > first], default=len(mapped.stamps))
+
 
 def apply_edits(original: AnyMap, quality: Quality | None = None) -> Applied[AnyMap]:
     """Return a map with the edits applied that are not undone, in their order.
@@ -110,7 +122,7 @@ def apply_one(working: WorkingMap, arguments: Arguments) -> PointFit | None:
         case Align():
             working.turn_to(arguments.angle)
         case ForgetTime():
-            working.forget_time(arguments.from_stamp, arguments.to_stamp)
+            working.forget_time(arguments)
         case ForgetArea():
             working.forget_area(arguments)
         case Split():

@@ -115,10 +115,17 @@ class Align(Arguments):
 
 
 class ForgetTime(Arguments):
-    """Scans with stamps in a span are left out, and what was made of them."""
+    """Scans with stamps in a span are left out, and what was made of them.
+
+    Attributes
+    ----------
+    from_stamp, to_stamp : first and last stamp [s].
+    scans : first scan and end of the session that it is about; None for all sessions.
+    """
 
     from_stamp: float = Field(ge=-1e15, le=1e15)
     to_stamp: float = Field(ge=-1e15, le=1e15)
+    scans: tuple[Index, Index] | None = None
 
 
 class ForgetArea(Arguments):
@@ -202,6 +209,10 @@ def checked(edit: Edit, original: MapData) -> Arguments:
     for submap, node in arguments.pairs_of():
         if submap >= graph.num_submaps or node >= graph.num_nodes:
             raise ValueError(f"{edit.kind}: there is no submap {submap} or node {node}")
+    if isinstance(arguments, ForgetTime) and arguments.scans is not None:
+        begin, end = arguments.scans
+        if not begin < end <= len(original.stamps):
+            raise ValueError(f"{edit.kind}: there are no scans {begin} to {end}")
     if isinstance(arguments, Split | Rename):
         if arguments.scan >= max(len(original.stamps), 1):
             raise ValueError(f"{edit.kind}: there is no scan {arguments.scan}")

@@ -34,6 +34,8 @@ def described(edit: Edit) -> str:
             what = f"turn the map to {math.degrees(given['angle']):.2f} deg from as mapped"
         case "forget_time":
             what = f"forget the scans from {given['from_stamp']:.3f} to {given['to_stamp']:.3f}"
+            if (scans := given.get("scans")) is not None:
+                what += f" of the session that begins with scan {scans[0]}"
         case "forget_area":
             width, height = given["size"]
             what = f"forget an area of {width:.2f} m by {height:.2f} m"

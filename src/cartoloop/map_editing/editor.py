@@ -171,16 +171,36 @@ class Editor(Generic[AnyMap]):
         """Turn the map about its origin so that most walls lie along its axes."""
         return self._do(self._new.align())
 
-    def forget_time(self, from_stamp: float, to_stamp: float) -> Change:
+    def forget_time(self, from_stamp: float, to_stamp: float, session: int | None = None) -> Change:
         """Leave out the scans from one stamp to another, and their nodes.
 
         Submaps that only they made are left out; of those that other scans made, too, the cells
         that lie nearer to a node left out than to another. What is left stays where it is.
+
+        Parameters
+        ----------
+        from_stamp, to_stamp : first and last stamp [s].
+        session : number of the one whose scans are left out; None: those of all sessions.
+
+        Raises
+        ------
+        InputError
+            There is no such scan, or nothing would be left.
         """
-        return self._do(self._new.forget_time(from_stamp, to_stamp))
+        return self._do(self._new.forget_time(from_stamp, to_stamp, session))
+
+    def forget_session(self, session: int) -> Change:
+        """Leave out all scans of a session, as `forget_time` does."""
+        return self._do(self._new.forget_session(session))
 
     def forget_area(self, x0: float, y0: float, x1: float, y1: float) -> Change:
-        """Leave out what was seen in a rectangle along the axes of the map [m]."""
+        """Leave out what was seen in a rectangle along the axes of the map [m].
+
+        Raises
+        ------
+        InputError
+            Nothing was seen there.
+        """
         return self._do(self._new.forget_area(x0, y0, x1, y1))
 
     def split_session(self, session: int, at: float, name: str | None = None) -> Change:

@@ -33,6 +33,8 @@ from cartoloop.map_editing.arguments import (
     SurveyedPoint,
 )
 from cartoloop.map_editing.matching import matched
+from cartoloop.map_editing.rectangle import Rectangle
+from cartoloop.map_editing.seen_area import extent, is_seen
 from cartoloop.map_output.export import angle_to_axes
 from cartoloop.plain_text import one_line
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
@@ -174,21 +176,42 @@ class NewEdits(Generic[AnyMap]):
         turn = angle_to_axes(self._map)
         return Align(angle=self._applied.tf_map_original.theta + turn)
 
-    def forget_time(self, from_stamp: float, to_stamp: float) -> ForgetTime:
+    def forget_time(self, from_stamp: float, to_stamp: float, session: int | None) -> ForgetTime:
         """Return the edit of `editor.Editor.forget_time`."""
         first, last = as_number(from_stamp, "from_stamp"), as_number(to_stamp, "to_stamp")
-        stamps = self._map.stamps
         if not first <= last:
             raise UsageError(f"from {first} to {last} is no span: give the earlier stamp first")
-        inside = (stamps >= first) & (stamps <= last)
+        own, scans, where = slice(None), None, "the map"
+        if session is not None:
+            own, where = self._scans_of(session), "it"
+            scans = self._applied.scans_as_mapped(session)
+        stamps = self._map.stamps[own]
+        inside = np.zeros(len(self._map.stamps), dtype=bool)
+        inside[own] = (stamps >= first) & (stamps <= last)
         if not inside.any():
             span = f"{stamps.min():.3f} to {stamps.max():.3f}" if len(stamps) else "nothing"
+            of_session = "" if session is None else f" of session {session}"
             raise InputError(
-                f"no scan has a stamp from {first:.3f} to {last:.3f}: the map is of {span}"
+                f"no scan{of_session} has a stamp from {first:.3f} to {last:.3f}: {where} is of "
+                f"{span}"
             )
         if inside[self._map.node_scan_index].all():
             raise InputError("nothing would be left of the map; give a shorter span")
-        return ForgetTime(from_stamp=first, to_stamp=last)
+        return ForgetTime(from_stamp=first, to_stamp=last, scans=scans)
+
+    def forget_session(self, session: int) -> ForgetTime:
+        """Return the edit of `editor.Editor.forget_session`."""
+        if not len(self._map.stamps[self._scans_of(session)]):
+            raise InputError(f"session {session}: has no scans")
+        first, end = self._applied.scans_as_mapped(session)
+        stamps = self._applied.map_as_mapped.stamps[first:end]
+        return self.forget_time(float(stamps.min()), float(stamps.max()), session)
+
+    def _scans_of(self, session: int) -> slice:
+        """Return the scans of a session in the edited map."""
+        require_index(session, len(self._map.sessions), "session")
+        firsts = [other.first_scan for other in self._map.sessions]
+        return ranges(firsts, len(self._map.stamps))[session]
 
     def forget_area(self, x0: float, y0: float, x1: float, y1: float) -> ForgetArea:
         """Return the edit of `editor.Editor.forget_area`."""
@@ -199,6 +222,11 @@ class NewEdits(Generic[AnyMap]):
         bottom, top = sorted((sides[1], sides[3]))
         if left == right or bottom == top:
             raise UsageError("the area is empty: give two opposite corners")
+        if not is_seen(self._map, Rectangle(Pose(left, bottom, 0.0), right - left, top - bottom)):
+            raise InputError(
+                f"the map shows nothing from x {left:g} to {right:g} m, y {bottom:g} to {top:g} m: "
+                f"{extent(self._map)}"
+            )
         corner = self._as_mapped((left, bottom, 0.0))
         return ForgetArea(corner=corner, size=(right - left, top - bottom))
 
@@ -206,8 +234,7 @@ class NewEdits(Generic[AnyMap]):
         """Return the edit of `editor.Editor.split_session`."""
         require_index(session, len(self._map.sessions), "session")
         stamp, one = as_number(at, "at"), self._map.sessions[session]
-        firsts = [other.first_scan for other in self._map.sessions]
-        scans = ranges(firsts, len(self._map.stamps))[session]
+        scans = self._scans_of(session)
         later = np.flatnonzero(self._map.stamps[scans] >= stamp)
         if len(later) == 0 or later[0] == 0:
             stamps = self._map.stamps[scans]

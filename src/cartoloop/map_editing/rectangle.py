@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import Pose, compose_all
+from cartoloop.sensor.scan_points import ScanPoints
 
 
 class Rectangle(NamedTuple):
@@ -33,3 +34,14 @@ class Rectangle(NamedTuple):
             (along >= 0.0) & (along <= self.width) & (across >= 0.0) & (across <= self.height)
         )
         return inside
+
+
+def returns_inside(area: Rectangle, points: ScanPoints, node_poses: FloatArray) -> BoolArray:
+    """Return which of the returns of all nodes are in a rectangle of the map.
+
+    Parameters
+    ----------
+    node_poses : shape (n, 3), of the nodes of `points`.
+    """
+    seen = np.column_stack((points.points, np.zeros(len(points.points))))
+    return area.contains(compose_all(np.repeat(node_poses, points.counts, axis=0), seen)[:, :2])

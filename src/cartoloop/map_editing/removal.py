@@ -127,16 +127,19 @@ def without_areas(grid: FinishedGrid, areas: Sequence[Rectangle]) -> FinishedGri
         return grid
     cells, is_changed = grid.cells.copy(), False
     for area, (rows, cols) in boxes:
-        part = cells[rows, cols]
-        x = grid.origin_x + np.arange(cols.start, cols.stop) * grid.resolution
-        y = grid.origin_y + np.arange(rows.start, rows.stop) * grid.resolution
-        positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        inside = area.contains(positions).reshape(part.shape)
+        part, inside = cells[rows, cols], _inside(grid, area, rows, cols)
         is_changed |= bool(part[inside].any())
         part[inside] = 0
     if not is_changed:
         return grid
     return FinishedGrid(cells, grid.origin_x, grid.origin_y, grid.resolution)
+
+
+def is_known_in(grid: FinishedGrid, area: Rectangle) -> bool:
+    """Return whether a cell of a grid in a rectangle, in its frame, was observed."""
+    if (box := _box(grid, area)) is None:
+        return False
+    return bool(grid.cells[box][_inside(grid, area, *box)].any())
 
 
 def without_nodes(grid: FinishedGrid, kept: FloatArray, forgotten: FloatArray) -> FinishedGrid:
@@ -184,6 +187,14 @@ def _box(grid: FinishedGrid, area: Rectangle) -> tuple[slice, slice] | None:
     if np.any(first >= end):
         return None
     return slice(int(first[1]), int(end[1])), slice(int(first[0]), int(end[0]))
+
+
+def _inside(grid: FinishedGrid, area: Rectangle, rows: slice, cols: slice) -> BoolArray:
+    """Return which of some cells of a grid are in a rectangle, by rows and columns."""
+    x = grid.origin_x + np.arange(cols.start, cols.stop) * grid.resolution
+    y = grid.origin_y + np.arange(rows.start, rows.stop) * grid.resolution
+    positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return area.contains(positions).reshape(len(y), len(x))
 
 
 def _places(kept: IntArray, size: int) -> IntArray:

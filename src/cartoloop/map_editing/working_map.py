@@ -16,8 +16,8 @@ from cartoloop.global_slam.graph_adjustment import final_chain_share, final_deci
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.map_data import MapData
-from cartoloop.map_editing.arguments import Add, ForgetArea
-from cartoloop.map_editing.rectangle import Rectangle
+from cartoloop.map_editing.arguments import Add, ForgetArea, ForgetTime
+from cartoloop.map_editing.rectangle import Rectangle, returns_inside
 from cartoloop.map_editing.rigid_fit import PointFit, fit_points
 from cartoloop.map_editing.sessions import joined, main_part, renamed, split
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, compose_all, inverse, relative_all
@@ -176,10 +176,15 @@ class WorkingMap:
         self.move(fit.tf_surveyed_map)
         return fit
 
-    def forget_time(self, from_stamp: float, to_stamp: float) -> None:
+    def forget_time(self, span: ForgetTime) -> None:
         """Leave out the scans from one stamp to another."""
         stamps = self._original.stamps
-        self.is_forgotten |= (stamps >= from_stamp) & (stamps <= to_stamp)
+        inside = (stamps >= span.from_stamp) & (stamps <= span.to_stamp)
+        if span.scans is not None:
+            first, end = span.scans
+            inside[:first] = False
+            inside[end:] = False
+        self.is_forgotten |= inside
 
     def forget_area(self, area: ForgetArea) -> None:
         """Leave out what was seen in a rectangle."""
@@ -194,11 +199,8 @@ class WorkingMap:
         points = self.points
         if len(points) == 0:
             return
-        seen = np.column_stack((points.points, np.zeros(len(points.points))))
-        poses = np.repeat(graph.node_poses, points.counts, axis=0)
-        inside = Rectangle(Pose(*corner.tolist()), *area.size).contains(
-            compose_all(poses, seen)[:, :2]
-        )
+        rectangle = Rectangle(Pose(*corner.tolist()), *area.size)
+        inside = returns_inside(rectangle, points, graph.node_poses)
         is_placed = np.zeros(graph.num_nodes, dtype=bool)
         is_placed[nodes] = True
         inside &= np.repeat(is_placed, points.counts)

@@ -25,6 +25,8 @@ class ConfirmedReturns:
     def __init__(self) -> None:
         # Of each submap, one bit for each return of its nodes, in the order of the graph.
         self._bits: dict[int, ByteArray] = {}
+        # Two parts are compared in several shapes, one after the other.
+        self._last: tuple[tuple[bytes, int, int], ScanPoints] | None = None
 
     def of(
         self, graph: PoseGraph, grids: Sequence[FinishedGrid], scans: ScanPoints, chosen: IntArray
@@ -40,6 +42,18 @@ class ConfirmedReturns:
         scans : the returns of all nodes.
         chosen : the submaps that count.
         """
+        num_own = int(np.count_nonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP))
+        key = (chosen.tobytes(), num_own, len(scans.points))
+        if self._last is not None and self._last[0] == key:
+            return self._last[1]
+        confirmed = self._confirmed(graph, grids, scans, chosen)
+        self._last = key, confirmed
+        return confirmed
+
+    def _confirmed(
+        self, graph: PoseGraph, grids: Sequence[FinishedGrid], scans: ScanPoints, chosen: IntArray
+    ) -> ScanPoints:
+        """Return what :meth:`of` does."""
         is_confirmed = np.zeros(len(scans.points), dtype=bool)
         rows_of = own_rows(graph, len(grids))
         for submap in chosen.tolist():
