@@ -85,10 +85,11 @@ def clock_offset(
     def reported(offset: float) -> FloatArray:
         return np.diff(np.interp(times - offset, reading_times, heading))
 
-    turned = turns[turning]
-    costs = np.array(
-        [np.abs(turned - reported(offset)[turning]).mean() for offset in OFFSETS_S.tolist()]
-    )
+    turned, ends = turns[turning], np.stack((times[:-1][turning], times[1:][turning]))
+    costs = np.empty(len(OFFSETS_S))
+    for row, tried in enumerate(OFFSETS_S.tolist()):
+        begin, end = np.interp(ends - tried, reading_times, heading)
+        costs[row] = np.abs(turned - (end - begin)).mean()
     best = int(np.argmin(costs))
     if costs[best] > max_unexplained * np.abs(turned).mean():
         return None

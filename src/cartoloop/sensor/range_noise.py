@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -184,15 +185,23 @@ def wall_residuals(ranges: FloatArray, step: float) -> tuple[FloatArray, FloatAr
         return nothing
     windows = np.lib.stride_tricks.sliding_window_view(ranges, WINDOW)
     middle = windows[:, WINDOW // 2]
-    limit = (EDGE_M + EDGE_SHARE * middle)[:, np.newaxis]
+    changes = np.abs(np.diff(ranges))
+    number = len(middle)
+    largest = np.max([changes[k : k + number] for k in range(WINDOW - 1)], axis=0)
     # NaN is near to none
-    is_wall: BoolArray = np.all(np.abs(np.diff(windows, axis=1)) <= limit, axis=1)
-    angles = step * (np.arange(WINDOW) - WINDOW // 2)
-    basis = np.column_stack((np.cos(angles), np.sin(angles)))
-    solve = np.linalg.pinv(basis)
+    is_wall: BoolArray = largest <= EDGE_M + EDGE_SHARE * middle
+    basis, solve = _sinusoids(step)
     middle, reciprocals = middle[is_wall], 1.0 / windows[is_wall]
     along, across = solve @ reciprocals.T
     is_facing = np.abs(across) <= MAX_SLOPE * np.abs(along)
     residuals = (reciprocals - reciprocals @ solve.T @ basis.T) * middle[:, np.newaxis] ** 2
     variances = np.sum(residuals**2, axis=1) / (WINDOW - 2)
     return middle[is_facing], variances[is_facing]
+
+
+@lru_cache(maxsize=8)
+def _sinusoids(step: float) -> tuple[FloatArray, FloatArray]:
+    """Return cosine and sine at the beams of a window, shape (WINDOW, 2), and the pseudoinverse."""
+    angles = step * (np.arange(WINDOW) - WINDOW // 2)
+    basis = np.column_stack((np.cos(angles), np.sin(angles)))
+    return basis, np.linalg.pinv(basis)
