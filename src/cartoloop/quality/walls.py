@@ -80,12 +80,15 @@ def wall_pieces(
     """Return what each visit sees of walls in each tile."""
     points, node = _returns(node_poses, scans, config.max_range)
     tiles = np.floor(points / TILE_M).astype(np.int64)
+    tiles -= tiles.min(axis=0, initial=0)
+    num_rows = tiles[:, 1].max(initial=0) + 1
     visits = np.floor(paths / max(config.min_visit_path, TILE_M)).astype(np.int64)
-    keys = np.column_stack((tiles, visits[node]))
-    order = np.lexsort(keys.T[::-1])
+    num_visits = visits.max(initial=0) + 1
+    # One number for tile and visit: a single sort.
+    keys = (tiles[:, 0] * num_rows + tiles[:, 1]) * num_visits + visits[node]
+    order = np.argsort(keys, kind="stable")
     points, node, keys = points[order], node[order], keys[order]
-    is_new = np.append(True, np.any(np.diff(keys, axis=0) != 0, axis=1))[: len(keys)]
-    starts = np.flatnonzero(is_new)
+    starts = np.flatnonzero(np.append(True, np.diff(keys) != 0)[: len(keys)])
     counts = np.diff(np.append(starts, len(keys)))
     middle = _sums(points, starts) / counts[:, np.newaxis]
     across = points - np.repeat(middle, counts, axis=0)
@@ -102,10 +105,11 @@ def wall_pieces(
     is_wall: BoolArray = (
         (counts >= MIN_RETURNS) & (np.sqrt(half + root) >= MIN_LENGTH_M) & (spread <= MAX_SPREAD_M)
     )
-    numbers = np.cumsum(np.append(True, np.any(np.diff(keys[starts, :2], axis=0) != 0, axis=1)))
+    tile, visit = np.divmod(keys[starts], num_visits)
+    numbers = np.cumsum(np.append(True, np.diff(tile) != 0))
     return WallPieces(
         numbers[: len(starts)][is_wall],
-        keys[starts, 2][is_wall],
+        visit[is_wall],
         middle[is_wall],
         normal[is_wall],
         spread[is_wall],
