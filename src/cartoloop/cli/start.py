@@ -3,12 +3,18 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
+
+GARBAGE_THRESHOLD = 20_000
+"""Objects between two searches for unreachable cycles. Nearly all objects of a run are freed
+without: by default, these searches take some 0.06 s, most of it while modules are loaded."""
 
 
 def main() -> None:
     """Run the command line of this process."""
+    gc.set_threshold(GARBAGE_THRESHOLD)
     takes_interrupts = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if takes_interrupts:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
