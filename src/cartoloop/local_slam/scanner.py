@@ -30,6 +30,11 @@ MAX_RECENT = 64
 """Number of scans of a scanner that are kept for a comparison: more than a second of them."""
 
 
+FAR_QUANTILE = 0.8
+"""The noise at this quantile of the ranges counts where scans are compared along walls: what is not
+bare there is mostly far away."""
+
+
 @dataclass(slots=True)
 class Scanner:
     """One scanner of the robot.
@@ -54,6 +59,13 @@ class Scanner:
     is_in_map: bool = False
     noise: Noise = NO_NOISE
     recent: deque[SeenScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
+
+    def far_noise(self, returns: FloatArray) -> float:
+        """Return the noise of the farther returns, shape (n, 2) [m]; 0 if it is small."""
+        if self.noise == NO_NOISE or not len(returns):
+            return 0.0
+        far = float(np.quantile(np.hypot(*returns.T), FAR_QUANTILE))
+        return math.hypot(self.noise.constant, self.noise.share * far)
 
     def change_since(self, time: float) -> float:
         """Return the median change of the ranges since a time [m]; inf if it is not known."""
