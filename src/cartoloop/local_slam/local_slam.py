@@ -371,7 +371,6 @@ class LocalSlam:
                     stands=prediction.stands,
                     match_ratio=degenerate_direction(match.match)[0],
                     noise=scanner.far_noise(returns),
-                    at_velocity=lambda: prediction.fallbacks()[1],
                 )
 
         return self._recorded.wall_step(wall_step, compute)

@@ -17,7 +17,6 @@ better than the matched one by noise alone; as much is no evidence.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -101,7 +100,6 @@ class WallStep:
         stands: bool = False,
         match_ratio: float = 0.0,
         noise: float = 0.0,
-        at_velocity: Callable[[], Pose] | None = None,
     ) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
 
@@ -117,8 +115,6 @@ class WallStep:
         stands : whether the odometry has not moved since the last scan.
         match_ratio : of the curvatures of the match; it follows the odometry where this is small.
         noise : standard deviation of the ranges, if they are noisy [m].
-        at_velocity : returns the pose at constant velocity; None if it is not known. Wheels that
-            spin report steps after which scans would hardly overlap.
         """
         config, last = self._config, self._last
         if not stands:
@@ -132,7 +128,7 @@ class WallStep:
             last is None
             or (by_odometry and not self._is_due)
             or min(len(last.returns), len(returns)) < config.min_num_returns
-            or (by_odometry and not self._may_overlap(last.pose, pose, at_velocity))
+            or (by_odometry and not self._overlap(last.pose, pose))
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
             return None
@@ -212,13 +208,10 @@ class WallStep:
         """Drop the evidence so far."""
         self._evidence, self._missed = 0.0, np.zeros(2)
 
-    def _may_overlap(self, last: Pose, pose: Pose, at_velocity: Callable[[], Pose] | None) -> bool:
-        """Return whether two scans overlap enough to contradict wheels, at a pose or the other."""
-        longest = self._config.max_odometry_step
-        if math.hypot(pose.x - last.x, pose.y - last.y) <= longest:
-            return True
-        other = pose if at_velocity is None else at_velocity()
-        return math.hypot(other.x - last.x, other.y - last.y) <= longest
+    def _overlap(self, last: Pose, pose: Pose) -> bool:
+        """Return whether two scans overlap enough to contradict wheels."""
+        moved = math.hypot(pose.x - last.x, pose.y - last.y)
+        return moved <= self._config.max_odometry_step
 
     def _is_far(self, last: EarlierScan, time: float, pose: Pose, by_odometry: bool) -> bool:
         """Return whether a scan is so far from the last one that a step can be judged."""
