@@ -136,10 +136,11 @@ def test_wheels_that_spin_are_contradicted():
     assert found[-1].x == pytest.approx(3.0, abs=0.1)
 
 
-def test_noise_counts_at_the_farther_returns():
+def test_the_noise_of_a_scan_is_that_at_its_ranges():
     scanner = Scanner.of(LocalSlamConfig())
     returns = np.column_stack((np.linspace(1.0, 5.0, 41), np.zeros(41)))
-    assert scanner.far_noise(returns) == 0.0
+    assert scanner.noise_of(returns) == 0.0
     scanner.noise = Noise(0.0, 0.01)
-    assert scanner.far_noise(returns) == pytest.approx(0.042)
-    assert scanner.far_noise(returns[:0]) == 0.0
+    assert scanner.noise_of(returns) == pytest.approx(0.03)
+    assert scanner.noise_of(returns, 0.8) == pytest.approx(0.042)
+    assert scanner.noise_of(returns[:0]) == 0.0

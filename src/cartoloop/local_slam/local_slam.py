@@ -31,6 +31,7 @@ from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.local_slam.unmatched_stretch import UnmatchedStretch
+from cartoloop.local_slam.wall_step import FAR_QUANTILE
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -346,7 +347,9 @@ class LocalSlam:
             meter.forget()
             return
         with self._timer.measure("match"):
-            distance = meter.add(time, pose, data.tf_tracking_sensor, data.returns)
+            distance = meter.add(
+                time, pose, data.tf_tracking_sensor, data.returns, scanner.noise_of(data.returns)
+            )
         if distance is not None:
             self.extrapolator.odometry.add_distance(distance)
 
@@ -370,7 +373,7 @@ class LocalSlam:
                     by_odometry=prediction.by_odometry,
                     stands=prediction.stands,
                     match_ratio=degenerate_direction(match.match)[0],
-                    noise=scanner.far_noise(returns),
+                    noise=scanner.noise_of(returns, FAR_QUANTILE),
                 )
 
         return self._recorded.wall_step(wall_step, compute)

@@ -30,11 +30,6 @@ MAX_RECENT = 64
 """Number of scans of a scanner that are kept for a comparison: more than a second of them."""
 
 
-FAR_QUANTILE = 0.8
-"""The noise at this quantile of the ranges counts where scans are compared along walls: what is not
-bare there is mostly far away."""
-
-
 @dataclass(slots=True)
 class Scanner:
     """One scanner of the robot.
@@ -60,12 +55,12 @@ class Scanner:
     noise: Noise = NO_NOISE
     recent: deque[SeenScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
 
-    def far_noise(self, returns: FloatArray) -> float:
-        """Return the noise of the farther returns, shape (n, 2) [m]; 0 if it is small."""
+    def noise_of(self, returns: FloatArray, quantile: float = 0.5) -> float:
+        """Return the noise at a quantile of the ranges of returns, shape (n, 2) [m]; 0 if small."""
         if self.noise == NO_NOISE or not len(returns):
             return 0.0
-        far = float(np.quantile(np.hypot(*returns.T), FAR_QUANTILE))
-        return math.hypot(self.noise.constant, self.noise.share * far)
+        typical = float(np.quantile(np.hypot(*returns.T), quantile))
+        return math.hypot(self.noise.constant, self.noise.share * typical)
 
     def change_since(self, time: float) -> float:
         """Return the median change of the ranges since a time [m]; inf if it is not known."""

@@ -34,6 +34,9 @@ from cartoloop.local_slam.wall_comparison import (
 )
 from cartoloop.sensor.pose import Pose, wrap_angle
 
+FAR_QUANTILE = 0.8
+"""The noise at this quantile of the ranges counts: what is not bare is mostly far away."""
+
 _NEIGHBOUR = 1.5
 """Steps that differ by less than this many are neighbours: noise decides between them."""
 
