@@ -156,7 +156,7 @@ class WallStepConfig(Section):
         description="scans are compared over at least this distance, if not for the time [m]",
     )
     max_odometry_step: float = Field(
-        0.6,
+        1.2,
         gt=0,
         description="and over at most this distance, since scans further apart overlap "
         "too little to contradict wheels [m]",

@@ -31,7 +31,7 @@ from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.local_slam.unmatched_stretch import UnmatchedStretch
-from cartoloop.local_slam.wall_step import WallStep
+from cartoloop.local_slam.wall_step import FAR_QUANTILE
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -206,7 +206,9 @@ class LocalSlam:
             if match is not None and match.is_relocated:
                 self.extrapolator.relocate()
                 scanner.distance_meter.forget()
-            self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name)
+            slips = by_walls and prediction.by_odometry
+            missed = scanner.wall_step.missed_velocity if slips else None
+            self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name, missed)
             if match is not None and (by := self._clocks.add(name, time, pose)):
                 self.extrapolator.shift(name, by)
         scanner.wall_step.add(time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns)
@@ -322,11 +324,12 @@ class LocalSlam:
         """
         if match.is_relocated:
             return match, False
-        pose = self._step_along_walls(
-            scanner.wall_step, time, match, filtered.data.returns, prediction
-        )
+        pose = self._step_along_walls(scanner, time, match, filtered.data.returns, prediction)
         if pose is None:
             return match, False
+        if prediction.by_odometry:
+            missed = scanner.wall_step.missed_velocity
+            pose = self.extrapolator.since_slip(time, match.tf_local_tracking, pose, missed)
         information = isotropic_information(
             self._config.wall_step.position_sigma, self._config.prediction.lost_rotation_sigma
         )
@@ -344,19 +347,22 @@ class LocalSlam:
             meter.forget()
             return
         with self._timer.measure("match"):
-            distance = meter.add(time, pose, data.tf_tracking_sensor, data.returns)
+            distance = meter.add(
+                time, pose, data.tf_tracking_sensor, data.returns, scanner.noise_of(data.returns)
+            )
         if distance is not None:
             self.extrapolator.odometry.add_distance(distance)
 
     def _step_along_walls(
         self,
-        wall_step: WallStep,
+        scanner: Scanner,
         time: float,
         match: MatchedScan,
         returns: FloatArray,
         prediction: Prediction,
     ) -> Pose | None:
         """Return a better pose along bare walls; see `WallStep.better_pose`."""
+        wall_step = scanner.wall_step
 
         def compute() -> Pose | None:
             with self._timer.measure("match"):
@@ -367,6 +373,7 @@ class LocalSlam:
                     by_odometry=prediction.by_odometry,
                     stands=prediction.stands,
                     match_ratio=degenerate_direction(match.match)[0],
+                    noise=scanner.noise_of(returns, FAR_QUANTILE),
                 )
 
         return self._recorded.wall_step(wall_step, compute)

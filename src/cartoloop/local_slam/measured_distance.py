@@ -35,11 +35,16 @@ scale that is wrong by a fifth is found."""
 NEAR = 2
 """Number of shifts to each side of the best one through which a parabola is laid."""
 
-FIT = (0.03, 0.09, 0.2, math.nan, 0.2)
-"""What distances from the outline cost, see `best_step`: standard deviation of the distance of a
-return from a line [m], largest distance [m], and shares of its cost of returns where the other scan
-should show a line, beyond what it could show, and beside all that it shows: with less, a shift by
-which scans overlap less is preferred, with more the opposite."""
+SIGMA_M, NOISE_M, NOISE_FACTOR = 0.03, 0.02, 3.0
+"""Standard deviation of the distance of a return from a line [m], with ranges whose noise is up to
+the second [m]. It grows by the third times what the noise is above that: returns that noise moves
+beyond where they cost as much as any make distances too short."""
+
+MAX_SIGMAS, UNSHOWN = 3.0, 0.2
+"""Distance from a line from which a return costs as much as any, as a multiple of the standard
+deviation; and shares of that cost of returns where the other scan should show a line, and beside
+all that it shows: with less, a shift by which scans overlap less is preferred, with more the
+opposite. See `best_step`; what the other scan could not show costs nothing."""
 
 MAX_GAP_RAD = math.radians(3.0)
 """Neighbouring returns whose bearings differ by more are not connected [rad]."""
@@ -91,7 +96,12 @@ class DistanceMeter:
         self._first = None
 
     def add(
-        self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray
+        self,
+        time: float,
+        pose: Pose,
+        tf_tracking_sensor: Pose,
+        returns: FloatArray,
+        noise: float = 0.0,
     ) -> MeasuredDistance | None:
         """Add a scan; return a distance to it, if it is far enough from the one before.
 
@@ -101,6 +111,7 @@ class DistanceMeter:
         pose : as matched, local frame.
         tf_tracking_sensor : pose of the scanner on the robot.
         returns : shape (n, 2), tracking frame [m].
+        noise : standard deviation of the ranges, if they are noisy [m].
         """
         first = self._first
         if first is not None:
@@ -117,10 +128,10 @@ class DistanceMeter:
         self._first = last
         if first is None or not is_straight or time <= first.time:
             return None
-        return _measured(first, last)
+        return _measured(first, last, SIGMA_M + NOISE_FACTOR * max(noise - NOISE_M, 0.0))
 
 
-def _measured(first: _Seen, last: _Seen) -> MeasuredDistance | None:
+def _measured(first: _Seen, last: _Seen, sigma: float) -> MeasuredDistance | None:
     """Return the distance at which two scans fit best; None where none fits best clearly."""
     moved = relative(first.pose, last.pose)
     length = math.hypot(moved.x, moved.y)
@@ -129,8 +140,8 @@ def _measured(first: _Seen, last: _Seen) -> MeasuredDistance | None:
     direction = math.atan2(moved.y, moved.x) + first.pose.theta
     costs = np.zeros(len(_SHIFTS))
     # Each scan is compared with the lines of the other: errors of the lines cancel.
-    _add_costs(first, last, direction, costs)
-    _add_costs(last, first, direction + math.pi, costs)
+    _add_costs(first, last, direction, sigma, costs)
+    _add_costs(last, first, direction + math.pi, sigma, costs)
     best = int(np.argmin(costs))
     if not NEAR <= best < len(costs) - NEAR:
         return None
@@ -145,7 +156,9 @@ def _measured(first: _Seen, last: _Seen) -> MeasuredDistance | None:
     return MeasuredDistance(first.time, last.time, distance, along, bend)
 
 
-def _add_costs(fixed: _Seen, shifted: _Seen, direction: float, costs: FloatArray) -> None:
+def _add_costs(
+    fixed: _Seen, shifted: _Seen, direction: float, sigma: float, costs: FloatArray
+) -> None:
     """Add what each shift of one scan along a direction [rad, local frame] costs."""
     tf_sensor_local = inverse(compose(fixed.pose, fixed.tf_tracking_sensor))
     direction += tf_sensor_local.theta
@@ -156,6 +169,6 @@ def _add_costs(fixed: _Seen, shifted: _Seen, direction: float, costs: FloatArray
         compose(tf_sensor_local, shifted.pose)[:],
         (math.cos(direction), math.sin(direction)),
         _SHIFTS,
-        FIT,
+        (sigma, MAX_SIGMAS * sigma, UNSHOWN, math.nan, UNSHOWN),
         costs,
     )

@@ -262,6 +262,10 @@ class OdometryMotion:
         self._made_up_for = self._rest.since
         return self._rest.driven_until, self._rest.velocity_before
 
+    def note_slip(self, begin: float, moved: Pose, reported: Pose) -> None:
+        """Leave it out from a time on, see :meth:`OdometryTrust.note_slip`."""
+        self._trust.note_slip(begin, moved, reported)
+
     def forgive(self, since: float) -> bool:
         """Forget a fault that began after a time [s]; return whether it is trusted."""
         return self._trust.forgive(since)

@@ -231,6 +231,23 @@ class OdometryTrust:
             self._unsteady = _fault(self._record.since, matched, reported, "moves unsteadily")
             self.faults.append(self._unsteady)
 
+    def note_slip(self, begin: float, matched: Pose, odometry: Pose) -> None:
+        """Begin a fault: scans have shown along walls, step by step, that the wheels slip.
+
+        Parameters
+        ----------
+        begin : of the last step [s].
+        matched, odometry : that step, by the scans and as it was reported.
+        """
+        if self._fault is None:
+            self._fault = _fault(begin, matched, odometry, _kind(matched, odometry, stands=False))
+            self._is_over_by_turn = False
+            self.faults.append(self._fault)
+            self._forget_predictions(begin)
+        # Steps before, in which it was right or was followed, do not show that it is good again.
+        for window in self._windows.values():
+            window.clear()
+
     def forgive(self, since: float) -> bool:
         """Forget a fault that began after a time, as the odometry has explained what it did.
 

@@ -55,6 +55,13 @@ class Scanner:
     noise: Noise = NO_NOISE
     recent: deque[SeenScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
 
+    def noise_of(self, returns: FloatArray, quantile: float = 0.5) -> float:
+        """Return the noise at a quantile of the ranges of returns, shape (n, 2) [m]; 0 if small."""
+        if self.noise == NO_NOISE or not len(returns):
+            return 0.0
+        typical = float(np.quantile(np.hypot(*returns.T), quantile))
+        return math.hypot(self.noise.constant, self.noise.share * typical)
+
     def change_since(self, time: float) -> float:
         """Return the median change of the ranges since a time [m]; inf if it is not known."""
         before, now = self._ranges_since(time)

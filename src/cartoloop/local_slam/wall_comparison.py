@@ -105,6 +105,7 @@ def compare(
     config: WallStepConfig,
     *,
     by_odometry: bool,
+    sigma: float,
 ) -> Comparison | None:
     """Compare a scan with one before; None where lines determine all directions well.
 
@@ -114,6 +115,7 @@ def compare(
     Parameters
     ----------
     time, pose, returns : of the scan; see :class:`EarlierScan`.
+    sigma : of the distance of a return from a wall [m].
     """
     outline, max_gap = last.outline, math.radians(config.max_gap_deg)
     ratio, direction = open_direction(*outline, max_gap)
@@ -137,7 +139,7 @@ def compare(
         _STRIDE if by_odometry else 1,
         (1.0 / config.odometry_cost_ratio, config.close_fit),
         round(config.max_distance / config.step),
-        _fit(config, by_odometry=by_odometry),
+        _fit(config, sigma, by_odometry=by_odometry),
     )
     if best < 0:
         return None
@@ -145,14 +147,14 @@ def compare(
     return Comparison(apart, costs, matched_cost, noise, loss, np.array(along))
 
 
-def _fit(config: WallStepConfig, *, by_odometry: bool) -> Fit:
+def _fit(config: WallStepConfig, sigma: float, *, by_odometry: bool) -> Fit:
     """Return what distances from the outline cost, see `best_step`.
 
     What leaves the view of a scanner is no evidence against odometry. Without odometry it keeps
     noise from making steps of any length along walls that show none.
     """
     unseen = math.nan if by_odometry else config.outside_cost
-    return config.sigma, config.max_distance, config.outside_cost, unseen, unseen
+    return sigma, config.max_distance, config.outside_cost, unseen, unseen
 
 
 @lru_cache(maxsize=256)

@@ -34,6 +34,9 @@ from cartoloop.local_slam.wall_comparison import (
 )
 from cartoloop.sensor.pose import Pose, wrap_angle
 
+FAR_QUANTILE = 0.8
+"""The noise at this quantile of the ranges counts: what is not bare is mostly far away."""
+
 _NEIGHBOUR = 1.5
 """Steps that differ by less than this many are neighbours: noise decides between them."""
 
@@ -72,6 +75,12 @@ class WallStep:
         self._evidence, *places, self._is_due, self._moved_at = memory
         self._side, self._missed = np.array(places[:2]), np.array(places[2:])
 
+    @property
+    def missed_velocity(self) -> tuple[float, float]:
+        """What the latest comparison adds to the velocity of the match [m/s], local frame."""
+        x, y = self._side.tolist()
+        return x, y
+
     def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
         if self._last is not None and not self._is_due:
@@ -93,6 +102,7 @@ class WallStep:
         by_odometry: bool = False,
         stands: bool = False,
         match_ratio: float = 0.0,
+        noise: float = 0.0,
     ) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
 
@@ -107,6 +117,7 @@ class WallStep:
         by_odometry : whether the match was predicted by odometry.
         stands : whether the odometry has not moved since the last scan.
         match_ratio : of the curvatures of the match; it follows the odometry where this is small.
+        noise : standard deviation of the ranges, if they are noisy [m].
         """
         config, last = self._config, self._last
         if not stands:
@@ -119,7 +130,8 @@ class WallStep:
         if (
             last is None
             or (by_odometry and not self._is_due)
-            or not self._is_comparable(last, pose, returns, by_odometry)
+            or min(len(last.returns), len(returns)) < config.min_num_returns
+            or (by_odometry and not self._overlap(last.pose, pose))
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
             return None
@@ -127,10 +139,12 @@ class WallStep:
         turns_too_far = turn > math.radians(config.max_turn_deg)
         if turns_too_far and self._evidence == 0.0:
             return None  # The comparison would only reduce the evidence.
-        found = None
-        if not by_odometry or match_ratio <= config.max_match_ratio:
+        found, sigma = None, max(config.sigma, noise)
+        # Noise determines a match along bare walls, too, and speaks against any step.
+        noisy = sigma / config.sigma
+        if not by_odometry or match_ratio <= noisy * config.max_match_ratio:
             returns = without_people(returns, last.tf_tracking_sensor)
-            found = compare(last, time, pose, returns, config, by_odometry=by_odometry)
+            found = compare(last, time, pose, returns, config, by_odometry=by_odometry, sigma=sigma)
         if found is None:
             if by_odometry:
                 self._forget()
@@ -139,7 +153,9 @@ class WallStep:
         if turns_too_far or not is_sharp(found, config):
             return None
         # People who walk along fit another step, and all that stands the one of the odometry.
-        is_contradicted = (by_odometry or stands) and self._is_contradicted(found, len(returns))
+        is_contradicted = (by_odometry or stands) and self._is_contradicted(
+            found, len(returns), noisy * config.max_loss_share
+        )
         is_contradicted |= by_odometry and self._is_backwards(found, last.pose, pose)
         missed = self._missed_until(found, time - last.time, by_odometry, is_contradicted)
         if missed is None:
@@ -147,11 +163,10 @@ class WallStep:
         x, y = missed.tolist()
         return Pose(pose.x + x, pose.y + y, pose.theta)
 
-    def _is_contradicted(self, found: Comparison, num_returns: int) -> bool:
+    def _is_contradicted(self, found: Comparison, num_returns: int, max_loss_share: float) -> bool:
         """Return whether too much fits the matched step that does not fit the other one."""
-        config = self._config
-        fits_closely = found.cost <= config.close_fit * num_returns
-        return not fits_closely and found.loss_share > config.max_loss_share
+        fits_closely = found.cost <= self._config.close_fit * num_returns
+        return not fits_closely and found.loss_share > max_loss_share
 
     def _is_backwards(self, found: Comparison, last: Pose, pose: Pose) -> bool:
         """Return whether the robot would move against its wheels: even wheels that slip do not."""
@@ -196,15 +211,10 @@ class WallStep:
         """Drop the evidence so far."""
         self._evidence, self._missed = 0.0, np.zeros(2)
 
-    def _is_comparable(
-        self, last: EarlierScan, pose: Pose, returns: FloatArray, by_odometry: bool
-    ) -> bool:
-        """Return whether two scans have enough returns and, against odometry, overlap enough."""
-        config = self._config
-        if min(len(last.returns), len(returns)) < config.min_num_returns:
-            return False
-        moved = math.hypot(pose.x - last.pose.x, pose.y - last.pose.y)
-        return not by_odometry or moved <= config.max_odometry_step
+    def _overlap(self, last: Pose, pose: Pose) -> bool:
+        """Return whether two scans overlap enough to contradict wheels."""
+        moved = math.hypot(pose.x - last.x, pose.y - last.y)
+        return moved <= self._config.max_odometry_step
 
     def _is_far(self, last: EarlierScan, time: float, pose: Pose, by_odometry: bool) -> bool:
         """Return whether a scan is so far from the last one that a step can be judged."""
