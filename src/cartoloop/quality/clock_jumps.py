@@ -19,8 +19,9 @@ SAME_TIME_S = 1.0
 [s]: clocks of scanners are corrected by less."""
 
 STEPS_BESIDE, USUAL_SHARE = 2, 0.5
-"""A robot that drove on moved by a usual step across the gap: by this share of the mean of so many
-steps right before and after it, or of its inverse. One that stopped or was carried did not."""
+"""A robot that drove on moved by a usual step across the gap: by this share of the mean of this
+number of steps right before and after it, or of its inverse. One that stopped or was carried did
+not."""
 
 APART_M, APART_RAD, APART_SHARE = 0.05, 0.1, 0.3
 """Motions of scans and odometry that differ by no more, and no more of the larger, agree [m],
@@ -53,11 +54,9 @@ def clock_jumps(
 
 
 def _is_same(gap: Event, pause: Mapping[str, Any], content: MapContent) -> bool:
-    before, after = content.stamps[gap.scan - 1 : gap.scan + 1].tolist()
-    return (
-        abs(before - float(pause["begin"])) <= SAME_TIME_S
-        and abs(after - float(pause["end"])) <= SAME_TIME_S
-    )
+    ends = content.stamps[gap.scan - 1 : gap.scan + 1]
+    apart = np.abs(ends - (float(pause["begin"]), float(pause["end"])))
+    return bool(np.all(apart <= SAME_TIME_S))
 
 
 def _drove_on(gap: Event, pause: Mapping[str, Any], content: MapContent) -> bool:
