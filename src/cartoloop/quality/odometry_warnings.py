@@ -78,8 +78,8 @@ def _fault_advice(odometry: Mapping[str, Any]) -> str:
     if abs(offset) >= LONG_DELAY_S and odometry.get("rotation_error_rad") is not None:
         side = "newer" if offset > 0.0 else "older"
         return (
-            f"it is {abs(offset):.2f} s {side} than the scan of the same stamp, as estimated since: "
-            "stamp both when they are measured"
+            f"it is {abs(offset):.2f} s {side} than the scan of the same stamp, as estimated "
+            "since: stamp both when they are measured"
         )
     if turned_by(odometry) is not None:
         return "check the scanner's yaw, wheels and driver"
