@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.report import Report, odometry_warning, sensor_warnings, summarize_constraints
+from cartoloop.report import Report, sensor_warnings, summarize_constraints
 from tests.global_slam.closures import add_to_graph, closure, record
 
 
@@ -69,23 +69,15 @@ def test_stable_keys_of_a_report_cannot_be_replaced():
         Report(extra={"nodes": 3, "findings": []}).to_json()
 
 
-def test_one_line_warns_of_odometry_that_was_left_out():
-    fault = {
-        "begin": 12.3,
-        "end": None,
-        "kind": "stands still",
-        "matched_m": 0.42,
-        "odometry_m": 0.0,
-        "matched_rad": 0.1,
-        "odometry_rad": 0.0,
-    }
-    assert odometry_warning(Report()) is None
-    assert odometry_warning(Report(extra={"odometry": {"faults": [fault]}})) == (
-        "the odometry was left out from 12.3 s to the end: it stands still (0.00 m and 0.00 rad) "
-        "where the scans move 0.42 m and 0.10 rad; check wheels and driver"
+def test_warnings_of_sensors_are_collected():
+    odometry = {"turn_ratio": -1.0, "jumps": 50, "readings": 100}
+    ranges = {"front": 6.31}
+    side, jumps, noise = sensor_warnings(
+        Report(extra={"odometry": odometry, "useful_range_m": ranges})
     )
-    twice = Report(extra={"odometry": {"faults": [fault | {"end": 20.0}, fault]}})
-    assert "left out 2 times, first from 12.3 s to 20.0 s: " in str(odometry_warning(twice))
+    assert "other side" in side
+    assert "50 of its 99 steps" in jumps
+    assert noise.startswith("returns of front")
 
 
 def test_a_scanner_that_is_noisy_far_away_is_reported():

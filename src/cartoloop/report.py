@@ -18,7 +18,7 @@ from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.quality.odometry_use import TURNS_ADVICE, TURNS_AGAINST, turns_against
+from cartoloop.quality.odometry_warnings import odometry_warnings, side_warning
 from cartoloop.quality.verdict import Quality
 from cartoloop.runtime.process_memory import peak_memory_mb
 from cartoloop.runtime.stage_timer import StageSummary
@@ -205,32 +205,14 @@ def summarize_sensor(geometry: ScanGeometry | CloudGeometry) -> dict[str, Any]:
 
 def sensor_warnings(report: Report) -> list[str]:
     """Return a line about each sensor that was not used as it is."""
-    odometry = odometry_warning(report)
+    odometry = report.extra.get("odometry")
     noise = [
         f"returns of {name} beyond {limit:.1f} m were left out: their noise is too large there; "
         "sensor.max_range sets another limit"
         for name, limit in report.extra.get("useful_range_m", {}).items()
     ]
-    is_mirrored = turns_against(report.extra.get("odometry"))
-    turns = f"{TURNS_AGAINST}; {TURNS_ADVICE}" if is_mirrored else None
-    return [line for line in (turns, odometry) if line is not None] + noise
-
-
-def odometry_warning(report: Report) -> str | None:
-    """Return one line about the times when the odometry was left out; None if there are none."""
-    faults = report.extra.get("odometry", {}).get("faults", [])
-    if not faults:
-        return None
-    first = faults[0]
-    until = "the end" if first["end"] is None else f"{first['end']:.1f} s"
-    when = f"from {first['begin']:.1f} s to {until}"
-    if len(faults) > 1:
-        when = f"{len(faults)} times, first {when}"
-    return (
-        f"the odometry was left out {when}: it {first['kind']} ({first['odometry_m']:.2f} m and "
-        f"{first['odometry_rad']:.2f} rad) where the scans move {first['matched_m']:.2f} m and "
-        f"{first['matched_rad']:.2f} rad; check wheels and driver"
-    )
+    side = side_warning(odometry)
+    return [*([side] if side else []), *odometry_warnings(odometry), *noise]
 
 
 def summarize_constraints(graph: PoseGraph, closures: Closures) -> ConstraintSummary:

@@ -172,6 +172,17 @@ class TestOdometry:
         assert (finding.code, finding.count, finding.time) == ("odometry_jumps", 1, 55.0)
         assert watch.path_length == pytest.approx(5.0)
 
+    @pytest.mark.parametrize(
+        ("factors", "text"),
+        [((1000.0, 1.0), "in millimetres?"), ((1.0, 57.3 * 5.0), "in degrees?")],
+    )
+    def test_units_by_the_jumps(self, factors, text):
+        by, turn = factors
+        watch = odometry_of([(x * by, y * by, theta * turn) for x, y, theta in MOVING])
+        finding = odometry.check_jumps(watch)
+        assert finding.message == "the odometry jumps at 49 of 49 steps"
+        assert text in finding.remedy
+
     def test_odometry_that_never_moves(self):
         finding = odometry.check_moves(odometry_of([(1.0, 2.0, 0.5)] * 20))
         assert finding.code == "odometry_still"
@@ -209,6 +220,23 @@ class TestOdometry:
         finding = odometry.check_scale(watch, both)
         assert finding.severity == "warning"
         assert "turns 20% too long, distances 10% too short" in finding.message
+
+    def test_a_scale_at_its_limit(self):
+        watch = odometry_of(MOVING)
+        [finding] = odometry.check_odometry(watch, replace(MODEL, translation_scale=2.5))
+        assert (finding.severity, finding.code) == ("warning", "odometry_units")
+        assert "distances of the odometry" in finding.message
+        assert "units are probably wrong" in finding.remedy
+
+    def test_a_wrong_yaw(self):
+        watch, mounting = odometry_of(MOVING), Pose(0.1, 0.0, 0.35)
+        known = replace(MODEL, metre_noise=0.02, num_metres=100, yaw=0.33)
+        [finding] = odometry.check_odometry(watch, known, mounting=mounting)
+        assert (finding.severity, finding.code) == ("warning", "odometry_yaw")
+        assert "19 deg to the left of the x axis" in finding.message
+        assert "--laser-pose=0.1,0,0.02," in finding.remedy
+        for other in ({"yaw": 0.05}, {"num_metres": 2}):
+            assert odometry.check_yaw(watch, replace(known, **other), mounting) is None
 
     @pytest.mark.parametrize(
         ("veer", "severity", "text"),

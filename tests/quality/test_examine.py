@@ -61,6 +61,23 @@ def test_a_displaced_half_contradicts_the_other(two_rounds_result, odometry, met
         assert quality.figures["displacement_m"] == pytest.approx(np.hypot(metres, metres), abs=0.2)
 
 
+def test_a_clock_that_jumps_leaves_a_map_good(two_rounds_result, odometry):
+    result, at = two_rounds_result, 300
+    stamps = result.stamps.copy()
+    stamps[at:] += 3600.0
+    jumped = replace(result, stamps=stamps)
+    step = np.hypot(*np.diff(result.local_trajectory[at - 1 : at + 1, :2], axis=0)[0])
+    turn = np.diff(result.local_trajectory[at - 1 : at + 1, 2])[0]
+    pause = {"begin": stamps[at - 1], "end": stamps[at], "odometry_m": step, "odometry_rad": turn}
+
+    without = examine(jumped, result.config.quality, odometry)
+    by_odometry = examine(jumped, result.config.quality, odometry | {"pauses": [pause]})
+
+    assert (without.verdict, by_odometry.verdict) == ("doubtful", "good")
+    assert [p.severity for p in by_odometry.places if p.kind == Kind.GAP] == [Severity.MINOR]
+    assert by_odometry.figures["gaps"] == without.figures["gaps"] == 1.0
+
+
 def test_the_verdict_is_the_same_each_time(two_rounds_result, odometry):
     wrong = displaced(two_rounds_result, 0.8)
 

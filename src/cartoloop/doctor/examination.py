@@ -33,6 +33,7 @@ from cartoloop.readers.ros.bag import BagLog
 from cartoloop.readers.spool import regular_file
 from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
+from cartoloop.sensor.pose import IDENTITY
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 ReportProgress = Callable[[str, int, int], None]
@@ -122,7 +123,9 @@ def examine(
         else:
             findings += check_clouds(watch)
     is_mirrored = calibration is not None and calibration.is_mirrored
-    findings += check_odometry(watches.odometry, model, is_mirrored=is_mirrored)
+    geometry = main.geometry if isinstance(main, ScanWatch) else None
+    mounting = geometry.tf_tracking_sensor if geometry else IDENTITY
+    findings += check_odometry(watches.odometry, model, is_mirrored=is_mirrored, mounting=mounting)
     findings += check_imu(watches.imu)
     return Examination(
         path=path,

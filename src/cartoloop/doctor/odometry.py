@@ -12,10 +12,18 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_track import JUMPING_SHARE, MANY_JUMPS
 from cartoloop.local_slam.reading_period import ReadingPeriod
 from cartoloop.quality.odometry_use import TURNS_ADVICE, TURNS_AGAINST
+from cartoloop.quality.odometry_warnings import (
+    UNITS_ADVICE,
+    off_scale,
+    scale_at_limit,
+    turned_by,
+    turned_text,
+)
 from cartoloop.sensor.events import Odometry
-from cartoloop.sensor.pose import Pose, relative
+from cartoloop.sensor.pose import IDENTITY, Pose, relative, wrap_angle
 
 JUMP_M, JUMP_SPEED = 1.0, 5.0
 """Length [m] and speed [m/s] above which a step is a jump of the odometry: no robot is as fast."""
@@ -48,6 +56,7 @@ class OdometryWatch:
     turned : total absolute rotation [rad].
     fastest, fastest_turn : [m/s], [rad/s], jumps left out.
     num_jumps, first_jump : impossible steps; stamp of the first.
+    num_turn_jumps : those of them that turn too far and are not too long.
     num_bad : poses that are not finite.
     period : how often it is read.
     """
@@ -61,6 +70,7 @@ class OdometryWatch:
     fastest: float = 0.0
     fastest_turn: float = 0.0
     num_jumps: int = 0
+    num_turn_jumps: int = 0
     first_jump: float | None = None
     num_bad: int = 0
     period: ReadingPeriod = field(default_factory=ReadingPeriod)
@@ -83,10 +93,10 @@ class OdometryWatch:
             step = relative(self._last, pose)
             length, angle = math.hypot(step.x, step.y), abs(step.theta)
             took = max(odometry.time - self.times[-1], SHORTEST_STEP_S)
-            if (length > JUMP_M and length > JUMP_SPEED * took) or (
-                angle > JUMP_RAD and angle > JUMP_RATE * took
-            ):
+            is_far = length > JUMP_M and length > JUMP_SPEED * took
+            if is_far or (angle > JUMP_RAD and angle > JUMP_RATE * took):
                 self.num_jumps += 1
+                self.num_turn_jumps += not is_far
                 self.first_jump = first_of(self.first_jump, odometry.stamp)
             else:
                 self.path_length += length
@@ -106,7 +116,11 @@ class OdometryWatch:
 
 
 def check_odometry(
-    watch: OdometryWatch, model: OdometryParameters | None, *, is_mirrored: bool = False
+    watch: OdometryWatch,
+    model: OdometryParameters | None,
+    *,
+    is_mirrored: bool = False,
+    mounting: Pose = IDENTITY,
 ) -> list[Finding]:
     """Return what is wrong with the odometry.
 
@@ -114,6 +128,7 @@ def check_odometry(
     ----------
     model : as calibrated against the scans; None if it was not.
     is_mirrored : whether it turns to the other side than the scans.
+    mounting : pose of the main scanner on the robot.
     """
     if watch.count == 0 and not watch.num_bad:
         return [
@@ -132,7 +147,8 @@ def check_odometry(
         found += [
             check_agreement(watch, model),
             check_offset(watch, model),
-            check_scale(watch, model),
+            check_units(watch, model) or check_scale(watch, model),
+            check_yaw(watch, model, mounting),
             check_veer(watch, model),
         ]
     return [finding for finding in found if finding is not None]
@@ -156,11 +172,16 @@ def check_jumps(watch: OdometryWatch) -> Finding | None:
     """Steps that no robot makes: the odometry was reset."""
     if not watch.num_jumps:
         return None
+    remedy = "record the raw wheel odometry, not a pose that something corrects"
+    if watch.num_jumps >= MANY_JUMPS and watch.num_jumps >= JUMPING_SHARE * watch.count:
+        is_turning = watch.num_turn_jumps > watch.num_jumps / 2
+        remedy = "is its heading in degrees?" if is_turning else "is it in millimetres?"
+        remedy += " metres and radians are expected; otherwise, something corrects the pose"
     return Finding(
         "warning",
         "odometry_jumps",
-        f"the odometry jumps {watch.num_jumps} times",
-        "record the raw wheel odometry, not a pose that something corrects",
+        f"the odometry jumps at {watch.num_jumps} of {watch.count - 1} steps",
+        remedy,
         watch.name,
         watch.num_jumps,
         watch.first_jump,
@@ -227,6 +248,33 @@ def check_offset(watch: OdometryWatch, model: OdometryParameters) -> Finding | N
         f"odometry is {abs(model.time_offset):.2f} s {'newer' if late else 'older'} than the scan "
         "of the same stamp",
         "estimated and made good while mapping; stamp both when they are measured",
+        watch.name,
+        watch.count,
+    )
+
+
+def check_units(watch: OdometryWatch, model: OdometryParameters) -> Finding | None:
+    """Distances or turns that no usual scale makes those of the scans."""
+    what = scale_at_limit(model.summary())
+    if what is None:
+        return None
+    return Finding(
+        "warning", "odometry_units", off_scale(what), UNITS_ADVICE, watch.name, watch.count
+    )
+
+
+def check_yaw(watch: OdometryWatch, model: OdometryParameters, mounting: Pose) -> Finding | None:
+    """A direction that is not ahead by the scanner's pose."""
+    yaw = turned_by(model.summary())
+    if yaw is None:
+        return None
+    pose = f"{mounting.x:.3g},{mounting.y:.3g},{wrap_angle(mounting.theta - yaw):.2f}"
+    return Finding(
+        "warning",
+        "odometry_yaw",
+        turned_text(yaw),
+        f"estimated and made good while mapping; if the scanner's yaw is wrong, give "
+        f"--laser-pose={pose}, or correct its pose in the recording",
         watch.name,
         watch.count,
     )

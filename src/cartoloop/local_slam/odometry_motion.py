@@ -15,6 +15,7 @@ from cartoloop.config import PredictionConfig
 from cartoloop.local_slam.measured_distance import MeasuredDistance
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_pauses import OdometryPauses
 from cartoloop.local_slam.odometry_rest import OdometryRest
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTrack
 from cartoloop.local_slam.odometry_trust import OdometryFault, OdometryTrust, differ, follows
@@ -64,6 +65,7 @@ class OdometryMotion:
         self._calibration = OdometryCalibration(model)
         self._trust = OdometryTrust(score)
         self._turns: dict[str, TurnComparison] = {}
+        self._pauses = OdometryPauses()
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
         self._is_stale = self._misses_motion = False
@@ -121,8 +123,10 @@ class OdometryMotion:
     def summary(self) -> dict[str, Any]:
         """Return the estimates about it, for the report."""
         track = {
+            "readings": len(self._track),
             "jumps": self._track.num_jumps,
             "catch_ups": self._track.num_late,
+            "pauses": [asdict(pause) for pause in self._pauses.found],
             "faults": [asdict(fault) for fault in self._trust.faults],
             "scales": [
                 {"begin": begin, "translation_scale": scale}
@@ -169,6 +173,7 @@ class OdometryMotion:
         """Calibrate with a scan's pose; `num_faulty` of the latest steps are left out."""
         if not self.has_readings:
             return
+        self._pauses.add(time, self._track)
         self._calibration.add(time, pose, self._track, num_faulty, scanner, is_matched=is_matched)
         reported = self._track.at(time - self.model.time_offset)
         turns = self._turns.setdefault(scanner, TurnComparison())

@@ -310,6 +310,13 @@ class OdometryTrack:
         until = times[after] if after < len(times) else last
         return bisect_right(jumps, first) < bisect_right(jumps, until)
 
+    def longest_pause(self, begin: float, end: float) -> float:
+        """Return the longest time between neighbouring readings that ends between two times [s]."""
+        times = self._readings.times
+        first = max(bisect_right(times, begin), 1)
+        last = min(bisect_left(times, end), len(times) - 1)
+        return max((times[row] - times[row - 1] for row in range(first, last + 1)), default=0.0)
+
     def reported_at(self, time: float) -> Pose | None:
         """Return tf_odom_tracking as it was reported, jumps included; None as :meth:`at`.
 

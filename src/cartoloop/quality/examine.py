@@ -13,6 +13,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
 from cartoloop.quality.blind_stretches import blind_stretches
+from cartoloop.quality.clock_jumps import clock_jump_places, clock_jumps
 from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.corridor_shifts import shifted_places
 from cartoloop.quality.encounters import Encounters
@@ -56,9 +57,9 @@ def examine(
     gaps, jumps, tears = (
         by_session.events(content, find) for find in (motion.gaps, motion.jumps, motion.tears)
     )
-    known = {event.scan for event in gaps}
     misfits = by_session.events(content, motion.misfits)
-    misfits = [event for event in misfits if event.scan not in known]
+    only_clock = clock_jumps(gaps, {event.scan for event in misfits}, content, odometry)
+    misfits = _without(misfits, gaps)
     blind = _blind(content)
     stands = by_session.standing(content, motion.standing)
     halls = by_session.corridors_of(content, config.max_range, by_chords=not has_odometry(odometry))
@@ -70,7 +71,8 @@ def examine(
         *contradictions.breaks(consecutive, content, config),
         *scattered_places(content, scans),
         *mirrored_places(content, odometry),
-        *motion_places.gap_places(gaps, content),
+        *motion_places.gap_places(_without(gaps, only_clock), content),
+        *clock_jump_places(only_clock, content),
         *motion_places.misfit_places(misfits, met, content),
         *motion_places.jump_places(jumps, met, content),
         *motion_places.tear_places(tears, content),
@@ -100,6 +102,12 @@ def examine(
     return Quality(
         VERDICTS[worst], tuple(found), {name: round(value, 4) for name, value in figures.items()}
     )
+
+
+def _without(events: list[motion.Event], others: list[motion.Event]) -> list[motion.Event]:
+    """Return the events that do not happen at the scans of others."""
+    scans = {event.scan for event in others}
+    return [event for event in events if event.scan not in scans]
 
 
 def _blind(content: MappedContent) -> list[motion.Event]:

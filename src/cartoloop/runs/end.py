@@ -141,10 +141,9 @@ def completed(
     for reason, count in also_skipped.items():
         skipped[reason] = skipped.get(reason, 0) + count
     extra = dict(report.extra)
-    from cartoloop.report import odometry_warning  # loads the kernels
+    from cartoloop.quality.odometry_warnings import odometry_warnings  # loads the kernels
 
-    warning = odometry_warning(report)
-    problems = [*problems, warning] if warning else list(problems)
+    problems = [*problems, *odometry_warnings(extra.get("odometry"))]
     if problems:
         extra["problems"] = problems
     return replace(
