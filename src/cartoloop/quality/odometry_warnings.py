@@ -141,8 +141,8 @@ def turned_text(yaw: float) -> str:
     """Return a line about a direction of the odometry [rad]."""
     side = "left" if yaw > 0.0 else "right"
     return (
-        f"the robot drives {math.degrees(abs(yaw)):.0f} deg to the {side} of the x axis of its frame, "
-        "as the scanner's pose defines it"
+        f"the robot drives {math.degrees(abs(yaw)):.0f} deg to the {side} of the x axis of its "
+        "frame, as the scanner's pose defines it"
     )
 
 
