@@ -11,13 +11,21 @@ import pytest
 from cartoloop.config import QualityConfig
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.corridor_places import DISPLACED_GAIN, corridor_places
-from cartoloop.quality.corridors import Corridors, corridors, gain_elsewhere
+from cartoloop.quality.corridors import (
+    MAX_RADIUS_M,
+    MIN_RADIUS_M,
+    Corridors,
+    corridors,
+    gain_elsewhere,
+    path_bend,
+)
 from cartoloop.quality.motion import standing
 from cartoloop.quality.motion_places import STANDS_CHANGED_CORRIDOR, standing_places
 from cartoloop.quality.odometry_use import without_odometry
 
 STEP_M, SECONDS = 0.2, 0.2
 GOOD = {"translation_error_m": 0.002, "metre_noise_m": 0.005, "measured_metres": 100, "faults": []}
+ALWAYS = {"begin": 0.0, "end": None, "kind": "stands still"}
 FROZEN = {**GOOD, "faults": [{"begin": 120.0, "end": None, "kind": "stands still"}]}
 
 
@@ -95,11 +103,140 @@ def test_scans_of_few_returns_are_not_compared():
 
 @pytest.mark.parametrize("niches", [True, False])
 def test_corridors_are_compared_where_a_node_follows(niches):
-    halls = corridors(run_along(STEP_M * np.arange(40), niches=niches), 10.0, by_chords=False)
+    halls = corridors(run_along(STEP_M * np.arange(40), niches=niches), 10.0, None)
 
     assert halls.is_corridor.all()
     assert np.isfinite(halls.gains).sum() == np.count_nonzero(halls.nodes < 39)
     assert (halls.gains[:-1] < -5.0).all() == niches
+
+
+def with_people(points, at):
+    """Return returns with those of narrow objects, 0.4 m wide, before what is behind them."""
+    bearings = np.arctan2(points[:, 1], points[:, 0])
+    points = points.copy()
+    for x, y in at:
+        apart = np.abs(np.angle(np.exp(1j * (bearings - np.arctan2(y, x)))))
+        hidden = (apart < 0.2 / np.hypot(x, y)) & (np.hypot(*points.T) > np.hypot(x, y) + 0.3)
+        seen = bearings[hidden, np.newaxis]
+        points[hidden] = np.hypot(x, y) * np.hstack((np.cos(seen), np.sin(seen)))
+    return points
+
+
+def crowded(count=40):
+    """Return a run between bare walls among many people."""
+    at = [(1.2, 0.3), (2.0, -0.4), (3.0, 0.2), (-1.3, 0.3), (-2.1, -0.4), (-3.0, 0.3)]
+    run = run_along(STEP_M * np.arange(count), niches=False)
+    run.node_points = [with_people(points, at) for points in run.node_points]
+    return run
+
+
+def test_people_do_not_hide_a_corridor():
+    halls = corridors(crowded(), 5.0, None)
+
+    assert halls.is_corridor.all()
+    assert not corridors(crowded(), 5.0, GOOD).is_corridor.any()
+    assert corridors(crowded(), 5.0, FROZEN | {"faults": [ALWAYS]}).is_corridor.all()
+
+
+def test_steps_are_compared_where_there_is_no_odometry():
+    run = run_along(STEP_M * np.arange(200), niches=False)
+    is_frozen = run.stamps[corridors(run, 5.0, GOOD).nodes] >= FROZEN["faults"][0]["begin"]
+
+    assert np.isnan(corridors(run, 5.0, GOOD).gains).all()
+    assert np.isfinite(corridors(run, 5.0, FROZEN).gains[is_frozen][:-1]).all()
+    assert np.isnan(corridors(run, 5.0, FROZEN).gains[:10]).all()
+
+
+RADIUS_M = 15.0
+
+
+class RoundRun(Run):
+    """Nodes on a circle around the origin, at some angles."""
+
+    @property
+    def trajectory(self):
+        angles = self.positions
+        places = RADIUS_M * np.column_stack((np.cos(angles), np.sin(angles)))
+        return np.column_stack((places, angles + 0.5 * np.pi))
+
+
+def seen_on_circle(angle, *, niches):
+    """Return what is seen between round walls 2 m apart, with or without niches in the outer."""
+    points = []
+    for bearing in np.radians(np.arange(0.5, 360.0, 1.0)).tolist():
+        # Frame of the robot: the centre is to its left.
+        ray = np.array((np.cos(bearing), np.sin(bearing)))
+        towards = RADIUS_M * ray[1]
+        for radius, far in ((RADIUS_M - 1.0, -1.0), (RADIUS_M + 1.0, 1.0), (RADIUS_M + 1.3, 1.0)):
+            square = towards**2 - RADIUS_M**2 + radius**2
+            if square < 0.0 or (far < 0.0 and towards < 0.0):
+                continue
+            point = (towards + far * np.sqrt(square)) * ray
+            place = angle + np.arctan2(point[0], RADIUS_M - point[1])
+            if radius == RADIUS_M + 1.0 and niches and (RADIUS_M * place) % 3.0 < 0.8:
+                continue
+            points.append(point)
+            break
+    return np.array(points)
+
+
+def round_run(true, positions=None, *, niches):
+    """Return a run past some true angles, whose poses may be at others."""
+    points = [seen_on_circle(angle, niches=niches) for angle in true.tolist()]
+    return RoundRun(true if positions is None else positions, points)
+
+
+def steps(count, length=STEP_M):
+    return length / RADIUS_M * np.arange(count)
+
+
+@pytest.mark.parametrize("length", [STEP_M, -STEP_M])
+def test_a_step_in_a_round_corridor_is_not_measured(length):
+    run = round_run(steps(40, length), niches=False)
+
+    assert abs(gain_elsewhere(run, 20)) < 1.0
+
+
+def test_a_step_past_niches_of_a_round_corridor_is_measured():
+    run = round_run(steps(40), niches=True)
+
+    assert all(gain_elsewhere(run, node) < -10.0 for node in range(10, 30, 4))
+
+
+def test_a_wrong_step_in_a_round_corridor_is_contradicted():
+    run = round_run(steps(40, 0.7), steps(40), niches=True)
+
+    assert np.median([gain_elsewhere(run, node) for node in range(10, 30, 4)]) > 20.0
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_the_bend_of_an_arc_is_found_whatever_faces_ahead(turn, heading):
+    trajectory = RoundRun(turn * steps(40)).trajectory
+    trajectory[:, 2] += heading
+
+    bend = path_bend(trajectory, 20)
+
+    # The path goes ahead, or back, along the tangent.
+    ahead = turn * np.array((np.cos(heading), -np.sin(heading)))
+    assert bend[:2] == pytest.approx(ahead, abs=0.02)
+    assert bend.theta == pytest.approx(turn / RADIUS_M, rel=0.01)
+
+
+@pytest.mark.parametrize("radius", [0.5 * MIN_RADIUS_M, 2.0 * MAX_RADIUS_M])
+def test_corners_and_lines_are_no_bends(radius):
+    angles = STEP_M / radius * np.arange(40)
+    places = radius * np.column_stack((np.cos(angles), np.sin(angles)))
+
+    assert path_bend(np.column_stack((places, angles)), 20) is None
+
+
+def test_a_path_back_and_forth_is_no_bend():
+    angles = steps(40)
+    there_and_back = RoundRun(np.concatenate((angles[:20], angles[20::-1])))
+
+    assert path_bend(there_and_back.trajectory, 5) is not None
+    assert path_bend(there_and_back.trajectory, 20) is None
 
 
 def hall(gain, count=300):
@@ -152,7 +289,7 @@ def test_steps_that_fit_better_elsewhere_are_doubtful(share, odometry, is_doubtf
 )
 def test_a_pose_that_stands_between_bare_walls_is_doubtful(niches, odometry, is_doubtful):
     run = run_along(np.zeros(4), niches=niches, seconds=5.0)
-    halls = corridors(run, 10.0, by_chords=False)
+    halls = corridors(run, 10.0, None)
 
     assert len(standing_places(standing(run), halls, odometry, run)) == int(is_doubtful)
 
@@ -160,7 +297,7 @@ def test_a_pose_that_stands_between_bare_walls_is_doubtful(niches, odometry, is_
 @pytest.mark.parametrize(("odometry", "is_doubtful"), [(None, True), (GOOD, False), (FROZEN, True)])
 def test_people_may_pass_a_robot_whose_odometry_stands(odometry, is_doubtful):
     run = run_along(np.zeros(6), niches=True, seconds=5.0)
-    halls = corridors(run, 10.0, by_chords=False)
+    halls = corridors(run, 10.0, None)
     crowd = [each._replace(changed=1.5 * STANDS_CHANGED_CORRIDOR) for each in standing(run)]
 
     assert crowd

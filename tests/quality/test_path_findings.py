@@ -366,7 +366,7 @@ def test_corridors_are_seen_by_their_walls():
     walls = np.concatenate([np.column_stack((along, np.full(80, y))) for y in (-1.0, 1.0)])
     run.node_points = [room()] * 60 + [walls] * 40
 
-    halls = corridors(run, 10.0, by_chords=False)
+    halls = corridors(run, 10.0, None)
 
     assert not halls.is_corridor[halls.nodes < 40].any()
     assert halls.is_corridor[halls.nodes > 80].all()

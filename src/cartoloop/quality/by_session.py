@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,10 +98,12 @@ def standing(content: MapContent, find: Callable[[MapContent], list[Standing]]) 
     ]
 
 
-def corridors_of(content: MapContent, max_range: float, *, by_chords: bool) -> Corridors:
+def corridors_of(
+    content: MapContent, max_range: float, odometry: Mapping[str, Any] | None
+) -> Corridors:
     """Return the corridors of all sessions, with the nodes of the map, see :func:`corridors`."""
     parts = [
-        (corridors(session, max_range, by_chords=by_chords), first_node)
+        (corridors(session, max_range, odometry), first_node)
         for session, _, first_node in session_contents(content)
     ]
     if not parts:

@@ -18,7 +18,6 @@ from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.corridor_shifts import shifted_places
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.mirrored import mirrored_places
-from cartoloop.quality.odometry_use import has_odometry
 from cartoloop.quality.pairs import MappedContent
 from cartoloop.quality.rejected_closures import rejected_places
 from cartoloop.quality.scattered import scattered_places
@@ -62,7 +61,7 @@ def examine(
     misfits = _without(misfits, gaps)
     blind = _blind(content)
     stands = by_session.standing(content, motion.standing)
-    halls = by_session.corridors_of(content, config.max_range, by_chords=not has_odometry(odometry))
+    halls = by_session.corridors_of(content, config.max_range, odometry)
     found = [
         *contradictions.contradictions(met, share, content, config),
         *contradictions.contradictions(seen, share_of_all, content, config),
