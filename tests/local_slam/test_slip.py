@@ -139,8 +139,8 @@ def test_wheels_that_spin_are_contradicted():
 def test_the_noise_of_a_scan_is_that_at_its_ranges():
     scanner = Scanner.of(LocalSlamConfig())
     returns = np.column_stack((np.linspace(1.0, 5.0, 41), np.zeros(41)))
-    assert scanner.noise_of(returns) == 0.0
+    assert scanner.noise_of(returns, 0.5) == 0.0
     scanner.noise = Noise(0.0, 0.01)
-    assert scanner.noise_of(returns) == pytest.approx(0.03)
+    assert scanner.noise_of(returns, 0.5) == pytest.approx(0.03)
     assert scanner.noise_of(returns, 0.8) == pytest.approx(0.042)
-    assert scanner.noise_of(returns[:0]) == 0.0
+    assert scanner.noise_of(returns[:0], 0.5) == 0.0

@@ -22,6 +22,7 @@ from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
 from cartoloop.kernels.moved_points import moved_points
 from cartoloop.local_slam.degenerate_direction import degenerate_direction, is_determined
 from cartoloop.local_slam.first_map import FirstMap
+from cartoloop.local_slam.measured_distance import NEAR_QUANTILE
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
@@ -348,7 +349,11 @@ class LocalSlam:
             return
         with self._timer.measure("match"):
             distance = meter.add(
-                time, pose, data.tf_tracking_sensor, data.returns, scanner.noise_of(data.returns)
+                time,
+                pose,
+                data.tf_tracking_sensor,
+                data.returns,
+                scanner.noise_of(data.returns, NEAR_QUANTILE),
             )
         if distance is not None:
             self.extrapolator.odometry.add_distance(distance)

@@ -35,10 +35,13 @@ scale that is wrong by a fifth is found."""
 NEAR = 2
 """Number of shifts to each side of the best one through which a parabola is laid."""
 
-SIGMA_M, NOISE_M, NOISE_FACTOR = 0.03, 0.02, 3.0
+SIGMA_M, NOISE_M, NOISE_FACTOR = 0.03, 0.03, 8.0
 """Standard deviation of the distance of a return from a line [m], with ranges whose noise is up to
 the second [m]. It grows by the third times what the noise is above that: returns that noise moves
 beyond where they cost as much as any make distances too short."""
+
+NEAR_QUANTILE = 0.25
+"""The noise at this quantile of the ranges counts: near walls show most of the distance."""
 
 MAX_SIGMAS, UNSHOWN = 3.0, 0.2
 """Distance from a line from which a return costs as much as any, as a multiple of the standard

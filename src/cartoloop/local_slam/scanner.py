@@ -55,7 +55,7 @@ class Scanner:
     noise: Noise = NO_NOISE
     recent: deque[SeenScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
 
-    def noise_of(self, returns: FloatArray, quantile: float = 0.5) -> float:
+    def noise_of(self, returns: FloatArray, quantile: float) -> float:
         """Return the noise at a quantile of the ranges of returns, shape (n, 2) [m]; 0 if small."""
         if self.noise == NO_NOISE or not len(returns):
             return 0.0
