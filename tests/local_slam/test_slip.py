@@ -11,8 +11,9 @@ import pytest
 from cartoloop.config import LocalSlamConfig, WallStepConfig
 from cartoloop.local_slam.odometry_trust import OdometryTrust
 from cartoloop.local_slam.odometry_window import Evidence
-from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, slip_began
+from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.local_slam.scanner import Scanner
+from cartoloop.local_slam.slip import slip_began
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
 from cartoloop.sensor.range_noise import Noise

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -20,6 +19,7 @@ from cartoloop.local_slam.odometry_motion import OdometryMotion
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
+from cartoloop.local_slam.slip import own_velocity, since_slip
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
@@ -28,10 +28,6 @@ from cartoloop.sensor.sweep_motion import SweepMotion
 MAX_SWEEP_S = 1.0
 """Longest plausible sweep [s]: no scanner is slower than 1 Hz. A longer one is a wrong time
 increment, and its beams count as measured at once."""
-
-SLIP_SHARE = 0.3
-"""Steps are of the same slip as the last one while their speed differs by less than this share of
-what that has missed."""
 
 MAX_RECENT = 256
 """Number of latest scans whose poses are kept for odometry that catches up: some seconds of them.
@@ -154,28 +150,8 @@ class PoseExtrapolator:
     def since_slip(
         self, time: float, matched: Pose, shown: Pose, missed_velocity: tuple[float, float]
     ) -> Pose:
-        """Return a pose that makes up for what odometry has missed since the wheels began to slip.
-
-        Between bare walls, scans show that only once there is something to see. Until then the
-        matches followed the odometry, whose speed changed when the wheels began to slip.
-
-        Parameters
-        ----------
-        time, matched : of the scan, where it was matched.
-        shown : where scans show it to be, by what was missed since they have shown something.
-        missed_velocity : by the latest step [m/s], local frame.
-        """
-        missed = np.array(missed_velocity)
-        speed = float(np.hypot(*missed))
-        made_up = np.array((shown.x - matched.x, shown.y - matched.y))
-        if time <= self._time or float(made_up @ missed) <= 0.0:
-            return shown
-        along = missed / speed
-        begin = slip_began(((*self._recent, (time, matched))), along, SLIP_SHARE * speed)
-        total = (time - begin) * speed
-        if total <= float(made_up @ along):
-            return shown
-        return Pose(matched.x + total * along[0], matched.y + total * along[1], shown.theta)
+        """Return a pose that makes up for all since the wheels slip, see :func:`since_slip`."""
+        return since_slip((*self._recent, (time, matched)), shown, missed_velocity)
 
     def _note_slip(
         self, last: tuple[float, Pose], time: float, missed_velocity: tuple[float, float]
@@ -186,10 +162,7 @@ class PoseExtrapolator:
         if reported is None or time <= begin:
             return
         duration = time - begin
-        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
-        more_x, more_y = missed_velocity
-        x = reported.x / duration + cos * more_x + sin * more_y
-        y = reported.y / duration - sin * more_x + cos * more_y
+        x, y = own_velocity(reported, duration, pose.theta, missed_velocity)
         self._velocity.resume(x, y)
         moved = Pose(duration * x, duration * y, reported.theta)
         self.odometry.note_slip(begin, moved, reported)
@@ -439,26 +412,6 @@ class PoseExtrapolator:
         if step is None:
             step = self._velocity.step(end - begin)
         return self.gyroscope.with_turn(step, begin, end)
-
-
-def slip_began(poses: Sequence[tuple[float, Pose]], along: FloatArray, most: float) -> float:
-    """Return since when a robot moves as in its last step.
-
-    Parameters
-    ----------
-    poses : by time [s], the last two of the last step.
-    along : float64, shape (2,), the direction that counts, a unit vector.
-    most : difference of the velocity from that in the last step [m/s].
-    """
-    begin, last = poses[-1][0], math.nan
-    for (start, before), (end, after) in zip(poses[-2::-1], poses[:0:-1], strict=True):
-        moved = along[0] * (after.x - before.x) + along[1] * (after.y - before.y)
-        velocity = moved / max(end - start, 1e-9)
-        last = velocity if math.isnan(last) else last
-        if abs(velocity - last) > most:
-            break
-        begin = start
-    return begin
 
 
 def _middle(time: float, pose: Pose, motion: SweepMotion | None) -> tuple[float, Pose]:
