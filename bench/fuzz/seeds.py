@@ -146,7 +146,7 @@ def _add_map(seeds: Seeds, events: list[SensorEvent]) -> None:
     with edit(folder) as editor:
         editor.pin_node(0, (1.0, 2.0, 0.5))
         editor.set_control_points([(0, 0, 5, 5), (1, 0, 5, 6)])
-        editor.forget_area(-1.0, -1.0, 1.0, 1.0)
+        editor.forget_area(1.0, 6.0, 3.0, 8.0)
         editor.forget_time(editor.map.stamps[-1], editor.map.stamps[-1])
         editor.split_session(0, editor.map.stamps[len(editor.map.stamps) // 2])
     seeds.add("map", (folder / "map.cartoloop").read_bytes())
