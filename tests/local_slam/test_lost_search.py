@@ -27,7 +27,7 @@ def found_at(turn_deg, residual, amply_seen=True):
         settings=MatcherSettings.of(LocalSlamConfig()),
         prior=IDENTITY,
         prediction=SimpleNamespace(
-            by_odometry=True, fallbacks=lambda: (IDENTITY, IDENTITY), over_jump=None
+            by_odometry=True, fallbacks=lambda: (IDENTITY, IDENTITY), over_jump=None, gap=None
         ),
         in_submap=lambda pose: pose,
         search=lambda centre, window: centre,
@@ -51,8 +51,10 @@ def test_a_far_turn_is_not_believed_for_a_poor_match(turn_deg):
     assert not found_at(turn_deg, 1.27 * USUAL)
 
 
-@pytest.mark.parametrize(("here", "slips"), [(1.05, False), (1.6, True)])
-def test_slip_along_a_corridor_is_seen_by_poor_fits(here, slips):
+@pytest.mark.parametrize(
+    ("here", "gap", "slips"), [(1.05, None, False), (1.6, None, True), (1.6, "a gap", False)]
+)
+def test_slip_along_a_corridor_is_seen_by_poor_fits(here, gap, slips):
     """Odometry has gone on by 0.5 m, the robot has not; `here` is how badly the scan fits there."""
     prior, at_rest = Pose(0.5, 0.0, 0.0), Pose(0.2, 0.0, 0.0)
     corridor = np.diag((40.0, 1e3, 1e3))
@@ -65,7 +67,7 @@ def test_slip_along_a_corridor_is_seen_by_poor_fits(here, slips):
         settings=MatcherSettings.of(LocalSlamConfig()),
         prior=prior,
         prediction=SimpleNamespace(
-            by_odometry=True, fallbacks=lambda: (at_rest, at_rest), over_jump=None
+            by_odometry=True, fallbacks=lambda: (at_rest, at_rest), over_jump=None, gap=gap
         ),
         in_submap=lambda pose: pose,
         search=lambda centre, window: centre,

@@ -106,7 +106,8 @@ def _near_fallback(fit: ScanFit, centre: Pose) -> LeastSquaresMatch:
     """Return the match near a fallback pose, tf_submap_scan.
 
     Along a corridor it is where the odometry leads, unless what has been observed there contradicts
-    that clearly, as where wheels slip.
+    that clearly, as where wheels slip. Not after a gap in the recording: metres ahead, little of a
+    corridor has been observed, and that far away.
     """
     found = fit.refine_freely(fit.search(centre, fit.settings.lost_window))
     if not fit.prediction.by_odometry:
@@ -115,6 +116,8 @@ def _near_fallback(fit: ScanFit, centre: Pose) -> LeastSquaresMatch:
     if start == found.tf_submap_scan:
         return found
     led = fit.refine_freely(start)
+    if fit.prediction.gap is not None:
+        return led
     limit = fit.settings.window.lost_improvement * fit.residual_of_seen(led)
     return found if found.residual < limit else led
 
