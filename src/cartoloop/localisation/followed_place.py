@@ -67,8 +67,8 @@ MAX_KEPT = 8
 FITTING_SUM, FITTING_PATH_M = 3.69, 4.0
 """The sum, on a path of at least the second [m], from which a place that was claimed before is not
 given up for lack of proof. The score counts twice in it: moved furniture lowers the agreement more,
-another building the score, as its walls are some centimetres elsewhere. In maps of other buildings
-the sum reached 3.66; in four of five right places where furniture was moved, 3.72."""
+another building the score, as its walls are some centimetres elsewhere. Most right places where
+furniture was moved have more, and maps of other buildings had less."""
 
 MIN_COUNTED_SHARE = 0.5
 """Share of the returns that must lie where the map is known."""

@@ -196,7 +196,7 @@ class NewEdits(Generic[AnyMap]):
                 f"{span}"
             )
         if inside[self._map.node_scan_index].all():
-            raise InputError("nothing would be left of the map; give a shorter span")
+            raise InputError("nothing would be left of the map; forget less of it")
         return ForgetTime(from_stamp=first, to_stamp=last, scans=scans)
 
     def forget_session(self, session: int) -> ForgetTime:

@@ -18,7 +18,7 @@ from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.corridor_shifts import shifted_places
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.mirrored import mirrored_places
-from cartoloop.quality.pairs import MappedContent
+from cartoloop.quality.pairs import MappedContent, Pairs
 from cartoloop.quality.rejected_closures import rejected_places
 from cartoloop.quality.scattered import scattered_places
 from cartoloop.quality.slides import slides
@@ -87,11 +87,9 @@ def examine(
     order = {Severity.WRONG: 0, Severity.DOUBTFUL: 1, Severity.MINOR: 2}
     found.sort(key=lambda place: order[place.severity])
     worst = found[0].severity if found else Severity.MINOR
-    bad = consecutive.contradiction > config.consecutive_contradiction
     figures = {
         **_visit_figures(met, seen, share, paths),
-        "consecutive_pairs": float(len(consecutive)),
-        "consecutive_contradicted_share": float(np.mean(bad)) if len(bad) else 0.0,
+        **_consecutive_figures(consecutive, config),
         "gaps": float(len(gaps) + len(misfits)),
         "jumps": float(len(jumps) + len(tears)),
         "unmatched_m": float(sum(event.moved for event in blind)),
@@ -113,6 +111,15 @@ def _blind(content: MappedContent) -> list[motion.Event]:
     """Return the stretches that scans say little about, as far as returns were not forgotten."""
     is_whole = not any(edit.kind == "forget_area" and not edit.is_undone for edit in content.edits)
     return by_session.events(content, partial(blind_stretches, is_whole=is_whole))
+
+
+def _consecutive_figures(consecutive: Pairs, config: QualityConfig) -> dict[str, float]:
+    """Return how many scans were compared with the ones before, and how many contradict them."""
+    bad = consecutive.contradiction > config.consecutive_contradiction
+    return {
+        "consecutive_pairs": float(len(consecutive)),
+        "consecutive_contradicted_share": float(np.mean(bad)) if len(bad) else 0.0,
+    }
 
 
 def _visit_figures(
