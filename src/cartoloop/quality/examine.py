@@ -34,6 +34,8 @@ MIN_NODES = 3
 MIN_DETOUR_M = 100.0
 """Closures that save such a path hold a part of the map [m]: its end is a metre uncertain."""
 
+_ORDER = (Severity.WRONG, Severity.DOUBTFUL, Severity.MINOR)
+
 
 def examine(
     content: MappedContent, config: QualityConfig, odometry: Mapping[str, Any] | None = None
@@ -84,8 +86,7 @@ def examine(
         *weak_places.weak_closure_places(weak_bundles(content.graph, paths, MIN_DETOUR_M), content),
         *weak_places.open_ends(met, paths, content, config),
     ]
-    order = {Severity.WRONG: 0, Severity.DOUBTFUL: 1, Severity.MINOR: 2}
-    found.sort(key=lambda place: order[place.severity])
+    found.sort(key=lambda place: _ORDER.index(place.severity))
     worst = found[0].severity if found else Severity.MINOR
     figures = {
         **_visit_figures(met, seen, share, paths),
