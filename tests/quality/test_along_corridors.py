@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cartoloop.config import QualityConfig
 from cartoloop.quality.along_corridors import are_here, met_nodes, shifts_along
 from cartoloop.quality.encounters import encounters
 from cartoloop.quality.motion import Event
@@ -121,14 +120,15 @@ def test_what_is_measured_corrects_what_is_expected(rounds):
 
 
 def test_few_visits_have_no_offsets():
-    few = SimpleNamespace(__len__=lambda: MIN_VISITS - 1)
-    met = type("Few", (), {"__len__": lambda self: MIN_VISITS - 1})()
-    del few
+    few = range(MIN_VISITS - 1)
 
-    assert offset_places(met, np.ones((MIN_VISITS - 1, 2)), None) == []
+    assert offset_places(few, np.ones((len(few), 2)), None) == []
 
 
-def run_of(places, sessions=(Session(),)):
+ONE_SESSION = (Session(),)
+
+
+def run_of(places, sessions=ONE_SESSION):
     """Return a run with a node each second."""
     graph = SimpleNamespace(node_poses=np.column_stack((places, np.zeros(len(places)))))
     rows = np.arange(len(places))
@@ -195,4 +195,3 @@ def test_a_gap_that_visits_made_up_for_is_minor(rounds, expected, measured, seve
     (place,) = gap_places([event], met, known, result)
 
     assert place.severity is severity
-    assert QualityConfig().enabled

@@ -34,9 +34,10 @@ MORE_NODES, MAX_SCANS = 3, 12
 MAX_EXAMINED = 300
 """Encounters that are examined."""
 
-SUPPORT_M = 8.0
-"""A shift of :data:`SAME_M` or more counts if another encounter, so far from it along the paths of
-both visits at most [m], measures the same: doors that look alike fit to each other once."""
+OTHER_M, SUPPORT_M = 0.5, 8.0
+"""A shift of :data:`SAME_M` or more counts if another encounter measures the same, so far from it
+along the paths of both visits at least and at most [m]: doors that look alike fit to each other
+once, and submaps that overlap show the same scans."""
 
 
 def shifts_along(
@@ -146,10 +147,9 @@ def _are_supported(shifts: FloatArray, at: FloatArray) -> BoolArray:
     supported: BoolArray = np.hypot(shifts[:, 0], shifts[:, 1]) <= SAME_M
     # The other visit may be the one that meets, and then its shift is the opposite one.
     for row in np.flatnonzero(np.hypot(shifts[:, 0], shifts[:, 1]) > SAME_M).tolist():
-        num_same = 0
         for others, sign in ((at, -1.0), (at[:, ::-1], 1.0)):
-            is_near = np.all(np.abs(others - at[row]) < SUPPORT_M, axis=1)
+            away = np.abs(others - at[row]).max(axis=1)
             apart = shifts + sign * shifts[row]
-            num_same += int(np.sum(is_near & (np.hypot(apart[:, 0], apart[:, 1]) < SAME_M)))
-        supported[row] = num_same >= 2
+            is_same = np.hypot(apart[:, 0], apart[:, 1]) < SAME_M
+            supported[row] |= bool(np.any(is_same & (away > OTHER_M) & (away < SUPPORT_M)))
     return supported
