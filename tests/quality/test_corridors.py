@@ -265,7 +265,14 @@ def test_a_displaced_corridor_is_doubtful_if_seen_once(visited, displaced, is_do
     assert len(places) == int(is_doubtful)
 
 
-SLIPPED = {"begin": 20.0, "end": 25.0, "matched_m": 0.5, "odometry_m": 1.2}
+SLIPPED = {
+    "begin": 20.0,
+    "end": 25.0,
+    "matched_m": 0.5,
+    "odometry_m": 1.2,
+    "matched_rad": 0.3,
+    "odometry_rad": 0.3,
+}
 
 
 @pytest.mark.parametrize(
@@ -283,6 +290,16 @@ def test_where_wheels_slipped_bare_walls_are_doubtful(fault, is_doubtful):
     places = places_of(halls, GOOD | {"faults": [SLIPPED | fault]}, run)
 
     assert any("seen to slip" in place.reason for place in places) == is_doubtful
+
+
+def test_a_slip_on_a_long_path_hides_no_other():
+    halls, run = hall(0.1)
+    halls.gains[30:] = -5.0
+    slipped = GOOD | {"faults": [SLIPPED]}
+    measured = Run(STEP_M * np.arange(8000))
+
+    assert places_of(halls, slipped, run)
+    assert places_of(halls, slipped, measured) == []
 
 
 def test_wheels_that_slipped_are_compared_with_scans():

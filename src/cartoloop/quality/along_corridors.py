@@ -31,7 +31,7 @@ SAME_M = 0.2
 MORE_NODES, MAX_SCANS = 3, 12
 """Nodes before and after those of an encounter that are used, too, and the scans used in all."""
 
-MAX_EXAMINED = 300
+MAX_EXAMINED = 200
 """Encounters that are examined."""
 
 OTHER_M, SUPPORT_M = 0.5, 8.0
@@ -57,20 +57,26 @@ def shifts_along(
     count = round(REACH_M / STEP_M)
     tried: FloatArray = STEP_M * np.arange(-count, count + 1, dtype=np.float64)
     found = np.full((len(met), 2), np.nan)
-    rows = np.linspace(0, len(met) - 1, min(len(met), MAX_EXAMINED)).astype(np.int64)
-    for row in np.unique(rows).tolist():
-        along = path_direction(met, row, content)
-        shift = _fitting_shift(_costs(met, row, along, tried, content, scans), tried)
-        middle = (int(met.first[row]) + int(met.end[row]) - 1) // 2
-        node, theta = int(met.pairs.node[middle]), met.pairs.tf_submap_node[middle, 2]
-        turn = content.graph.node_poses[node, 2] - theta
-        cos, sin = np.cos(turn), np.sin(turn)
-        found[row] = (
-            shift * (cos * along[0] - sin * along[1]),
-            shift * (sin * along[0] + cos * along[1]),
-        )
+    rows = np.unique(np.linspace(0, len(met) - 1, min(len(met), MAX_EXAMINED)).astype(np.int64))
+    submaps = met.pairs.submap[met.first[rows]]
+    for submap in np.unique(submaps).tolist():
+        grid = content.submap_grids[submap]
+        smooth = SmoothMap(grid.probabilities(), grid.origin_x, grid.origin_y, grid.resolution)
+        for row in rows[submaps == submap].tolist():
+            along = path_direction(met, row, content)
+            costs = _costs(met, row, along, tried, smooth, content, scans)
+            found[row] = _in_map(met, row, _fitting_shift(costs, tried) * along, content)
     found[~_are_supported(found, paths[met_nodes(met)])] = np.nan
     return found
+
+
+def _in_map(met: Encounters, row: int, vector: FloatArray, content: MapContent) -> FloatArray:
+    """Return a vector of the frame of the submap that an encounter meets, shape (2,), map frame."""
+    middle = (int(met.first[row]) + int(met.end[row]) - 1) // 2
+    node, theta = int(met.pairs.node[middle]), met.pairs.tf_submap_node[middle, 2]
+    turn = content.graph.node_poses[node, 2] - theta
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.array((cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]))
 
 
 def are_here(shifts: FloatArray) -> BoolArray:
@@ -90,6 +96,7 @@ def _costs(
     row: int,
     along: FloatArray,
     shifts: FloatArray,
+    smooth: SmoothMap,
     content: MapContent,
     scans: ScanPoints,
 ) -> FloatArray:
@@ -105,10 +112,9 @@ def _costs(
     chosen = chosen[:: -(-len(chosen) // MAX_SCANS)]
     steps = relative_all(poses[met.pairs.node[middle]], poses[chosen])
     batch = scans.take(chosen)
-    grid = content.submap_grids[int(met.pairs.submap[middle])]
     costs, counts = np.zeros((1, len(shifts))), np.zeros(1, dtype=np.int64)
     add_shift_costs(
-        SmoothMap(grid.probabilities(), grid.origin_x, grid.origin_y, grid.resolution),
+        smooth,
         MIN_PROBABILITY,
         ScanBatch(batch.points, batch.firsts, batch.ends),
         np.ascontiguousarray(compose_all(met.pairs.tf_submap_node[middle], steps)),

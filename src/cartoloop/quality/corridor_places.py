@@ -14,9 +14,8 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality.corridors import MEASURED_GAIN, SMOOTHED_OVER, Corridors
 from cartoloop.quality.odometry_use import (
     has_odometry,
-    has_slipped,
     length_error,
-    untrusted_odometry,
+    num_slips,
     without_odometry,
 )
 from cartoloop.quality.pairs import MapContent, path_lengths
@@ -34,6 +33,9 @@ DISPLACED_GAIN = 5.0
 
 MIN_DISPLACED, MIN_DISPLACED_SHARE = 4, 0.08
 """Corridors are doubtful in which this number and share of the nodes examined is contradicted."""
+
+HIDDEN_SLIPS = 0.05
+"""Number of slips that is expected where scans do not show them, from which it counts."""
 
 MEASURE_IT = (
     "compare its length with a tape measure; record with better odometry, or put boxes along the "
@@ -58,12 +60,15 @@ def corridor_places(
     displaced : of all nodes, by the scales of the odometry, shape (num_nodes, 2) [m].
     """
     stamps = stamps_of(content, halls.nodes)
-    alone = untrusted_odometry(stamps, odometry)
-    measured_by = "odometry that was seen to slip elsewhere" if has_slipped(odometry) else "nothing"
+    alone = without_odometry(stamps, odometry)
+    by_odometry = ~alone
+    measured_by = "nothing"
+    if _may_have_slipped(halls, by_odometry, num_slips(odometry), content):
+        alone, measured_by = np.ones_like(alone), "odometry that was seen to slip elsewhere"
     return [
         *_poor_odometry_places(
             halls,
-            ~without_odometry(stamps, odometry),
+            by_odometry,
             odometry,
             visited,
             displaced,
@@ -84,6 +89,21 @@ def measured_by_odometry(
         for rows in _runs(halls, ~without_odometry(stamps_of(content, halls.nodes), odometry)):
             found[halls.nodes[rows[0]] : halls.nodes[rows[-1]] + 1] = True
     return found
+
+
+def _may_have_slipped(halls: Corridors, chosen: BoolArray, slips: int, content: MapContent) -> bool:
+    """Return whether wheels may have slipped where no scan shows it, by how often they did.
+
+    Parameters
+    ----------
+    chosen : which of the examined nodes have odometry, shape (k,).
+    slips : number of those that were seen.
+    """
+    if not slips:
+        return False
+    hidden = sum(_unmeasured_length(halls, rows, content) for rows in _runs(halls, chosen))
+    path = float(path_lengths(content.graph.node_poses)[-1])
+    return slips * hidden >= HIDDEN_SLIPS * (path - hidden)
 
 
 def _poor_odometry_places(

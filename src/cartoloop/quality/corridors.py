@@ -12,7 +12,7 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.kernels.outline_shift import add_shift_costs, open_direction
 from cartoloop.local_slam.outline import Outline, outline_of
-from cartoloop.quality.odometry_use import has_odometry, has_slipped, untrusted_odometry
+from cartoloop.quality.odometry_use import has_odometry, num_slips, untrusted_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import stamps_of
 from cartoloop.sensor.free_standing import are_free_standing
@@ -102,7 +102,7 @@ def corridors(
     for row in np.flatnonzero(alone).tolist():
         points[row] = _of_walls(points[row])
     ratios = np.array([normal_ratio(each, max_range) for each in points])
-    if not has_odometry(odometry) or has_slipped(odometry):
+    if not has_odometry(odometry) or num_slips(odometry):
         by_chord = np.array([chord_ratio(each, max_range) for each in points])
         ratios = np.minimum(ratios, CHORD_FACTOR * by_chord)
     half = SMOOTHED_OVER // 2

@@ -77,22 +77,28 @@ def without_odometry(stamps: FloatArray, odometry: Mapping[str, Any] | None) -> 
     return without
 
 
-SLIP_M, SLIP_SHARE = 0.1, 0.25
+SLIP_M, SLIP_SHARE, SLIP_RAD = 0.1, 0.25, 0.1
 """Wheels slip if the odometry moves by so much more or less than the scans [m], and by this share
-of the distance that these show."""
+of the distance that these show, and turns as they do [rad]."""
 
 
-def has_slipped(odometry: Mapping[str, Any] | None) -> bool:
-    """Return whether the wheels were seen to slip along the path, and to hold the floor again.
+def num_slips(odometry: Mapping[str, Any] | None) -> int:
+    """Return how often wheels were seen to slip along the path, and to hold the floor again.
 
     They may slip elsewhere, too. Between bare walls the scans do not show it: matches follow the
     odometry there.
     """
-    return any(
-        fault["end"] is not None
-        and abs(float(fault["odometry_m"]) - float(fault["matched_m"]))
-        > max(SLIP_M, SLIP_SHARE * float(fault["matched_m"]))
-        for fault in (odometry or {}).get("faults", ())
+    return sum(map(_is_slip, (odometry or {}).get("faults", ())))
+
+
+def _is_slip(fault: Mapping[str, Any]) -> bool:
+    if fault["end"] is None:
+        return False
+    matched, turned = float(fault["matched_m"]), float(fault["matched_rad"])
+    missed = abs(float(fault["odometry_m"]) - matched)
+    return (
+        missed > max(SLIP_M, SLIP_SHARE * matched)
+        and abs(float(fault["odometry_rad"]) - turned) < SLIP_RAD
     )
 
 
@@ -104,6 +110,6 @@ def untrusted_odometry(stamps: FloatArray, odometry: Mapping[str, Any] | None) -
     stamps : float64, shape (n,), as recorded [s].
     odometry : its calibration, as in the report; None without odometry.
     """
-    if has_slipped(odometry):
+    if num_slips(odometry):
         return np.ones(len(stamps), dtype=np.bool_)
     return without_odometry(stamps, odometry)
