@@ -24,13 +24,14 @@ from cartoloop.local_slam.degenerate_direction import degenerate_direction, is_d
 from cartoloop.local_slam.first_map import FirstMap
 from cartoloop.local_slam.measured_distance import NEAR_QUANTILE
 from cartoloop.local_slam.odometry_window import Evidence
-from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
+from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.recorded_steps import RecordedSteps
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, follows_odometry
 from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
+from cartoloop.local_slam.sweep_prediction import MAX_SWEEP_S
 from cartoloop.local_slam.unmatched_stretch import UnmatchedStretch
 from cartoloop.local_slam.wall_step import FAR_QUANTILE
 from cartoloop.runtime.stage_timer import StageTimer
