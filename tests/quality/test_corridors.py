@@ -10,7 +10,7 @@ import pytest
 
 from cartoloop.config import QualityConfig
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.quality.corridor_places import DISPLACED_GAIN, corridor_places
+from cartoloop.quality.corridor_places import DISPLACED_GAIN, NodeVisits, corridor_places
 from cartoloop.quality.corridors import (
     MAX_RADIUS_M,
     MIN_RADIUS_M,
@@ -246,11 +246,12 @@ def hall(gain, count=300):
     return Corridors(nodes, np.ones(len(nodes), bool), np.full(len(nodes), gain)), run
 
 
-def places_of(halls, odometry, run, *, visited=True, displaced=0.0):
+def places_of(halls, odometry, run, *, visited=True, displaced=0.0, here=False):
     """Return the places of corridors, displaced by so much at the last node [m]."""
     count = len(run.graph.node_poses)
     by = displaced * np.column_stack((np.linspace(0.0, 1.0, count), np.zeros(count)))
-    return corridor_places(halls, odometry, np.full(count, visited), by, run, QualityConfig())
+    visits = NodeVisits(np.full(count, visited), np.full(count, here), by)
+    return corridor_places(halls, odometry, visits, run, QualityConfig())
 
 
 @pytest.mark.parametrize(
@@ -299,6 +300,7 @@ def test_a_slip_on_a_long_path_hides_no_other():
     measured = Run(STEP_M * np.arange(8000))
 
     assert places_of(halls, slipped, run)
+    assert places_of(halls, slipped, run, here=True) == []
     assert places_of(halls, slipped, measured) == []
 
 

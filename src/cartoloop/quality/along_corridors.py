@@ -85,6 +85,16 @@ def are_here(shifts: FloatArray) -> BoolArray:
     return here
 
 
+def nodes_here(met: Encounters, shifts: FloatArray, num_nodes: int) -> BoolArray:
+    """Return which nodes are in encounters that are measured to agree, or met, shape (n,)."""
+    here = np.zeros(num_nodes, dtype=np.bool_)
+    for row in np.flatnonzero(are_here(shifts)).tolist():
+        own = slice(int(met.first[row]), int(met.end[row]))
+        for nodes in (met.pairs.node[own], met.pairs.own_node[own]):
+            here[int(nodes.min()) : int(nodes.max()) + 1] = True
+    return here
+
+
 def met_nodes(met: Encounters) -> IntArray:
     """Return the node in the middle of each encounter and the one that it meets, shape (n, 2)."""
     middles = (met.first + met.end - 1) // 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,8 @@ MIN_DISPLACED, MIN_DISPLACED_SHARE = 4, 0.08
 """Corridors are doubtful in which this number and share of the nodes examined is contradicted."""
 
 HIDDEN_SLIPS = 0.05
-"""Number of slips that is expected where scans do not show them, from which it counts."""
+"""Number of slips that is expected where scans do not show them, nor other visits, from which it
+counts."""
 
 MEASURE_IT = (
     "compare its length with a tape measure; record with better odometry, or put boxes along the "
@@ -43,11 +44,25 @@ MEASURE_IT = (
 )
 
 
+class NodeVisits(NamedTuple):
+    """What other visits show of all nodes of a map.
+
+    Attributes
+    ----------
+    are_compared : bool (n,), nodes that are compared with another visit.
+    are_here : bool (n,), those whose positions along the path are measured to agree.
+    displaced : float64 (n, 2), by the scales of the odometry between bare walls [m].
+    """
+
+    are_compared: BoolArray
+    are_here: BoolArray
+    displaced: FloatArray
+
+
 def corridor_places(
     halls: Corridors,
     odometry: Mapping[str, Any] | None,
-    visited: BoolArray,
-    displaced: FloatArray,
+    visits: NodeVisits,
     content: MapContent,
     config: QualityConfig,
 ) -> list[Place]:
@@ -56,22 +71,20 @@ def corridor_places(
     Parameters
     ----------
     odometry : its calibration, as in the report; None without odometry.
-    visited : which of all nodes are compared with another visit.
-    displaced : of all nodes, by the scales of the odometry, shape (num_nodes, 2) [m].
+    visits : what they show of all nodes.
     """
     stamps = stamps_of(content, halls.nodes)
     alone = without_odometry(stamps, odometry)
     by_odometry = ~alone
     measured_by = "nothing"
-    if _may_have_slipped(halls, by_odometry, num_slips(odometry), content):
+    if _may_have_slipped(halls, by_odometry, num_slips(odometry), visits, content):
         alone, measured_by = np.ones_like(alone), "odometry that was seen to slip elsewhere"
     return [
         *_poor_odometry_places(
             halls,
             by_odometry,
             odometry,
-            visited,
-            displaced,
+            visits,
             content,
             config,
         ),
@@ -91,7 +104,9 @@ def measured_by_odometry(
     return found
 
 
-def _may_have_slipped(halls: Corridors, chosen: BoolArray, slips: int, content: MapContent) -> bool:
+def _may_have_slipped(
+    halls: Corridors, chosen: BoolArray, slips: int, visits: NodeVisits, content: MapContent
+) -> bool:
     """Return whether wheels may have slipped where no scan shows it, by how often they did.
 
     Parameters
@@ -101,17 +116,19 @@ def _may_have_slipped(halls: Corridors, chosen: BoolArray, slips: int, content: 
     """
     if not slips:
         return False
-    hidden = sum(_unmeasured_length(halls, rows, content) for rows in _runs(halls, chosen))
+    hidden = chosen & ~visits.are_here[halls.nodes]
+    length = sum(
+        _unmeasured_length(halls, rows[hidden[rows]], content) for rows in _runs(halls, chosen)
+    )
     path = float(path_lengths(content.graph.node_poses)[-1])
-    return slips * hidden >= HIDDEN_SLIPS * (path - hidden)
+    return slips * length >= HIDDEN_SLIPS * (path - length)
 
 
 def _poor_odometry_places(
     halls: Corridors,
     chosen: BoolArray,
     odometry: Mapping[str, Any] | None,
-    visited: BoolArray,
-    displaced: FloatArray,
+    visits: NodeVisits,
     content: MapContent,
     config: QualityConfig,
 ) -> list[Place]:
@@ -120,8 +137,7 @@ def _poor_odometry_places(
     Parameters
     ----------
     chosen : which of the examined nodes have odometry, shape (k,).
-    visited : which of all nodes are compared with another visit.
-    displaced : of all nodes, by the scales of the odometry, shape (num_nodes, 2) [m].
+    visits : what they show of all nodes.
     """
     if not has_odometry(odometry):
         return []
@@ -130,8 +146,8 @@ def _poor_odometry_places(
         nodes = halls.nodes[rows]
         length = extent(content.graph.node_poses[nodes, :2])
         # Visits are compared, see visit_offsets.
-        is_visited = visited[nodes].mean() >= VISITED_SHARE
-        by_scale = 0.0 if is_visited else extent(displaced[nodes])
+        is_visited = visits.are_compared[nodes].mean() >= VISITED_SHARE
+        by_scale = 0.0 if is_visited else extent(visits.displaced[nodes])
         error = math.hypot(length_error(length, odometry), by_scale)
         if error > config.doubtful_length_error:
             reason = (

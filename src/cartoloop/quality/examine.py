@@ -12,10 +12,10 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
-from cartoloop.quality.along_corridors import are_here, shifts_along
+from cartoloop.quality.along_corridors import are_here, nodes_here, shifts_along
 from cartoloop.quality.blind_stretches import blind_stretches
 from cartoloop.quality.clock_jumps import clock_jump_places, clock_jumps
-from cartoloop.quality.corridor_places import corridor_places, measured_by_odometry
+from cartoloop.quality.corridor_places import NodeVisits, corridor_places, measured_by_odometry
 from cartoloop.quality.corridor_shifts import shifted_places
 from cartoloop.quality.corridors import Corridors
 from cartoloop.quality.encounters import Encounters
@@ -122,10 +122,12 @@ def _displaced_places(
     by_odometry = measured_by_odometry(halls, odometry, content)
     displaced = displacement_by_scale(content, by_odometry, odometry)
     slid = slides(met, content, scans, config, are_here(shifts))
-    visited = weak_places.is_visited(met, len(paths))
+    nodes = NodeVisits(
+        weak_places.is_visited(met, len(paths)), nodes_here(met, shifts, len(paths)), displaced
+    )
     return [
         *contradictions.slide_places(slid, met, content),
-        *corridor_places(halls, odometry, visited, displaced, content, config),
+        *corridor_places(halls, odometry, nodes, content, config),
         *offset_places(met, visit_offsets(met, shifts, displaced, paths), content),
     ]
 
