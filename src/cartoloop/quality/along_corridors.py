@@ -31,7 +31,7 @@ SAME_M = 0.2
 MORE_NODES, MAX_SCANS = 3, 12
 """Nodes before and after those of an encounter that are used, too, and the scans used in all."""
 
-MAX_EXAMINED = 200
+MAX_EXAMINED = 120
 """Encounters that are examined."""
 
 OTHER_M, SUPPORT_M = 0.5, 8.0
