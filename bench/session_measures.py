@@ -54,26 +54,32 @@ class Drive:
     truth: Recording | None = None
 
 
+def error(drive: Drive, stamps: FloatArray, poses: FloatArray) -> float | None:
+    """Return the mean error of scans of a drive [m]; None if nothing is known to compare with.
+
+    Parameters
+    ----------
+    stamps, poses : of the scans, shapes (n,), (n, 3); by relations, of those that both are of.
+    """
+    if drive.relations is not None:
+        relations = read_relations(drive.relations)
+        found = evaluate_relations(Trajectory(stamps, poses), relations)
+        return float(found.absolute_translational.mean)
+    if drive.truth is None:
+        return None
+    true = drive.truth.true_poses[_rows(drive.truth.stamps, stamps)]
+    return float(absolute_trajectory_error(poses, true).mean())
+
+
 def errors(drive: Drive, uncut: Result, merged: Result, part: int) -> tuple[float, float] | None:
     """Return the mean error of the merged map's largest part, and of the uncut run [m].
 
     None if neither relations nor the truth are known.
     """
     chosen = merged.scan_parts == part
-    stamps, poses = merged.stamps[chosen], merged.trajectory[chosen]
-    if drive.relations is not None:
-        relations = read_relations(drive.relations)
-        errors = [
-            evaluate_relations(Trajectory(*each), relations).absolute_translational.mean
-            for each in ((stamps, poses), (uncut.stamps, uncut.trajectory))
-        ]
-        return errors[0], errors[1]
-    if drive.truth is None:
-        return None
-    truth = drive.truth
-    ours = absolute_trajectory_error(poses, truth.true_poses[_rows(truth.stamps, stamps)])
-    whole = truth.true_poses[_rows(truth.stamps, uncut.stamps)]
-    return float(ours.mean()), float(absolute_trajectory_error(uncut.trajectory, whole).mean())
+    ours = error(drive, merged.stamps[chosen], merged.trajectory[chosen])
+    whole = error(drive, uncut.stamps, uncut.trajectory)
+    return None if ours is None or whole is None else (ours, whole)
 
 
 class Distances(NamedTuple):

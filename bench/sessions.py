@@ -22,6 +22,7 @@ import numpy as np
 from bench.environment import environment
 from bench.record import Case, Figure, Record, Row
 from bench.row_store import RowStore
+from bench.session_chance import chance_row
 from bench.session_measures import (
     MAX_SESSION_M,
     Drive,
@@ -63,7 +64,8 @@ MIN_STRETCH = 200
 """Scans of a drive in one wing that are mapped; shorter stretches are a turn at the door."""
 
 CUT, STRANGE, WINGS = "cut into sessions", "of different places", "wings that look alike"
-"""The parts of the benchmark, in the order of the table."""
+CHANCE = "uncut, begun later and severed"
+"""The parts of the benchmark."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class Chosen:
     seeds : of buildings with two wings.
     again : measure cases again that were measured with the same sources.
     relations : folder with NAME.relations of recordings without verified ones.
+    later : how often each recording is mapped uncut without its first scans.
     """
 
     data: Path
@@ -88,6 +91,7 @@ class Chosen:
     seeds: Sequence[int]
     again: bool = False
     relations: Path | None = None
+    later: int = 0
 
 
 def run(chosen: Chosen, out: Path, note: Callable[[str], None]) -> Record:
@@ -139,9 +143,17 @@ def _cases(
     def cut(case: Case) -> Row:
         return _cut_row(case, whole(str(case["case"])))
 
+    def chance(case: Case) -> Row:
+        found = whole(str(case["case"]))
+        if found is None:
+            return Row(case, notes="the recording is not there")
+        return chance_row(case, *found, mapped, chosen.later)
+
     def apart(case: Case) -> Row:
         return _apart_row(case, [whole(name) for name in str(case["case"]).split(" + ")])
 
+    for name in chosen.recordings if chosen.later else ():
+        yield {"part": CHANCE, "case": name}, chance
     for name in chosen.recordings:
         for count in chosen.cuts:
             yield {"part": CUT, "case": name, "sessions": count}, cut
@@ -155,12 +167,13 @@ def _cases(
 def rows(measured: Iterable[Row]) -> list[Row]:
     """Return the rows of the table: of the buildings with two wings, all in one."""
     names = {name: number for number, name in enumerate(RECORDINGS)}
-    of_part: dict[str, list[Row]] = {CUT: [], STRANGE: [], WINGS: []}
+    of_part: dict[str, list[Row]] = {CUT: [], STRANGE: [], WINGS: [], CHANCE: []}
     for row in measured:
         of_part[str(row.case["part"])].append(row)
     of_part[CUT].sort(key=lambda row: (names[str(row.case["case"])], int(row.case["sessions"])))
     of_part[STRANGE].sort(key=lambda row: str(row.case["case"]))
-    return [*of_part[CUT], *of_part[STRANGE], *_together(of_part[WINGS])]
+    of_part[CHANCE].sort(key=lambda row: names[str(row.case["case"])])
+    return [*of_part[CUT], *of_part[CHANCE], *of_part[STRANGE], *_together(of_part[WINGS])]
 
 
 def _together(wings: Sequence[Row]) -> list[Row]:

@@ -15,8 +15,9 @@ from cartoloop.config_file import load_config
 from cartoloop.errors import InputError, Interrupted, OutputError
 from cartoloop.journal.frames import FILE_NAME, PREAMBLE, Kind
 from cartoloop.map_file.file_set import FILES
-from cartoloop.map_file.run_header import read_journal
-from cartoloop.runs.journal import RunJournal
+from cartoloop.map_file.run_header import BaseOfRun, RunHeader, read_journal
+from cartoloop.runs.base import base_of_resumed_run
+from cartoloop.runs.journal import InterruptedRun, RunJournal
 from cartoloop.runs.recording import map_recording
 from cartoloop.runs.resuming import resume_recording
 from cartoloop.sensor.pose import Pose, wrap_angles
@@ -265,3 +266,12 @@ def test_an_interrupted_run_of_another_drive_stays(first, whole, tmp_path):
     with pytest.raises(OutputError, match=r"holds an interrupted run \(of one.log \+ two.log\)"):
         map_recording(other, SETTINGS, tmp_path, onto=tmp_path)
     assert (tmp_path / FILE_NAME).read_bytes() == before
+
+
+def test_a_map_that_was_moved_is_asked_for(tmp_path):
+    moved = tmp_path / "moved"
+    base = BaseOfRun(str(moved), "0" * 16, ("two.log", ""), None)
+    header = RunHeader("map", "two.log", "", SETTINGS.config, base=base)
+
+    with pytest.raises(InputError, match=r"moved\) is not there any more: give it with --onto"):
+        base_of_resumed_run(InterruptedRun(tmp_path, header), None)

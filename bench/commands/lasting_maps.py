@@ -173,6 +173,10 @@ def bench_sessions(
             help="Folder with NAME.relations of recordings without verified ones.",
         ),
     ] = None,
+    later: Annotated[
+        int,
+        typer.Option(min=0, help="Map recordings uncut, begun so often a hundredth later, too."),
+    ] = 0,
     again: Annotated[
         bool, typer.Option("--again", help="Measure again what this commit has measured.")
     ] = False,
@@ -186,6 +190,8 @@ def bench_sessions(
     names = sessions.RECORDINGS if not only else () if only == "none" else names_of(only)
     counts = [int(count) for count in names_of(cuts)]
     wings = range(first_seed, first_seed + seeds)
-    chosen = sessions.Chosen(data_folder(data), names, counts, strangers, wings, again, relations)
+    chosen = sessions.Chosen(
+        data_folder(data), names, counts, strangers, wings, again, relations, later
+    )
     record = sessions.run(chosen, out, show_progress)
     conclude_with_table(record, out, before, strict)

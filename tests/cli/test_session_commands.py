@@ -147,6 +147,7 @@ def test_map_that_is_not_there_is_one_line(another_log, tmp_path, capsys):
     assert (
         run(["map", str(another_log), "--onto", str(tmp_path / "none"), "-o", str(tmp_path)]) == 1
     )
+    assert capsys.readouterr().out == "", "the recording was read for nothing"
     assert run(["merge", str(tmp_path / "none"), str(tmp_path), "-o", str(tmp_path / "out")]) == 1
     for line in capsys.readouterr().err.splitlines():
         assert "Traceback" not in line

@@ -124,14 +124,30 @@ def map_file_of(path: str | PathLike[str]) -> Path:
     return journal if journal.is_file() and not database.is_file() else database
 
 
+def require_there(path: str | PathLike[str]) -> None:
+    """Check that there is a file or folder that may be a map, before anything long begins.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    if not as_path(path, "map").exists():
+        raise _not_there(path)
+
+
+def _not_there(path: str | PathLike[str]) -> InputError:
+    return InputError(
+        f"{path}: is not there; give a folder that 'cartoloop map' wrote, or the file "
+        f"{FILE_NAME} in one"
+    )
+
+
 @contextmanager
 def _opened(file: Path) -> Iterator[sqlite3.Connection]:
     """Yield the database, opened for reading."""
     if not file.is_file():
-        raise InputError(
-            f"{file}: is not there; give a folder that 'cartoloop map' wrote, or the file "
-            f"{FILE_NAME} in one"
-        )
+        raise _not_there(file)
     try:
         file.open("rb").close()
     except OSError as error:

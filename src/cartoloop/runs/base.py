@@ -106,12 +106,15 @@ def base_of_resumed_run(
                 f"{run.folder}: the interrupted run does not add to a map: leave --onto out"
             )
         return None
-    given = about.place(run.folder) if onto is None else onto
-    if given is None:
+    place = about.place(run.folder)
+    if onto is None and (place is None or not place.exists()):
+        where = "" if place is None else f" ({place})"
         raise InputError(
-            f"{run.folder}: the map that the interrupted run adds to is not there any more: give "
-            "it with --onto"
+            f"{run.folder}: the map that the interrupted run adds to{where} is not there any more: "
+            "give it with --onto"
         )
+    given = place if onto is None else onto
+    assert given is not None
     state = _state_of(run.folder)
     content = _opened(given, run.header.config)
     if map_digest(content) != about.digest:
