@@ -180,3 +180,29 @@ def test_a_part_of_the_path_does_not_outvote_all_of_it():
 
     assert decide(known_map(ROOM), composite, 5.0).claim is not None
     assert decide(known_map(ROOM), composite, 5.0, Before(is_undecided=True)).claim is None
+
+
+def box(x, y, edge):
+    return ((x, y), (x + edge, y), (x + edge, y + edge), (x, y + edge))
+
+
+def test_the_only_place_in_an_image_is_claimed_on_a_path():
+    corners = (
+        (1.1, 1.1), (2.6, 1.1), (5.2, 1.1), (8.1, 2.0), (8.2, 4.4),
+        (8.4, 7.0), (6.5, 9.2), (6.1, 7.3), (3.4, 5.2), (1.2, 4.1),
+    )  # fmt: skip
+    furnished = (*ROOM, *(box(x, y, 0.5) for x, y in corners))
+    # The image does not show a cupboard beside the robot.
+    seen = (*furnished, box(START.x + 0.6, START.y + 0.3, 1.0))
+    known, composite = known_map(furnished), composite_of(seen, START)
+
+    at_first, later = (decide(known, composite, path) for path in (0.0, 2.0))
+
+    assert at_first.claim is None
+    assert apart(START, later.claim.tf_map_tracking)[0] < 0.05
+    assert later.claim.agreement == pytest.approx(0.83, abs=0.02)
+    assert decide(known, composite, 2.0, Before(is_undecided=True)).claim is None
+
+
+def test_one_of_two_equal_places_in_an_image_is_not_claimed():
+    assert decide(known_map(BOX), composite_of(BOX, START), 5.0).claim is None

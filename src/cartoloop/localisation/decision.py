@@ -30,6 +30,7 @@ from cartoloop.localisation.claim_needs import (
     FITTING_LESS,
     Margins,
     Needed,
+    is_apart,
     margins_of,
     needed_of,
     shows_enough,
@@ -67,9 +68,11 @@ class Claim(NamedTuple):
     Attributes
     ----------
     tf_map_tracking : pose of the newest scan, refined.
+    agreement : of the scans, if it is low because of the map; NaN: as usual.
     """
 
     tf_map_tracking: Pose
+    agreement: float = math.nan
 
 
 class Decision(NamedTuple):
@@ -134,6 +137,8 @@ def decide(
     searched = search(known, composite, path)
     if needed is not None and searched.are_all:
         claim = _claim_by_scans(known, composite, path, needed, searched, before)
+        if claim is None and not before.is_undecided:
+            claim = _claim_apart(known, composite, path, searched)
         if claim is not None:
             return Decision(claim, (), searched.runner_up)
     places = [each.tf_map_tracking for each in searched.candidates]
@@ -162,7 +167,10 @@ def _claim_by_scans(
         needed = needed._replace(score=math.inf)
     # A search finds a place to a pixel, and how well scans fit changes within one.
     best = refined(known, composite, candidates[0].tf_map_tracking)
-    if not _may_be_claimed(known, composite, candidates[0], best.fit, needed):
+    if not (
+        _is_known_at(known, composite, candidates[0], best.fit)
+        and needed.are_reached(candidates[0].score, best.fit)
+    ):
         return None
     is_refuted = partial(_is_refuted, best, margins_of(known, path), needed)
     poses = chain(
@@ -183,6 +191,22 @@ def _claim_by_scans(
     if has_rival(known, composite, best.tf_map_tracking, likely):
         return None
     return Claim(best.tf_map_tracking)
+
+
+def _claim_apart(
+    known: KnownMap, composite: Composite, path: float, searched: Searched
+) -> Claim | None:
+    """Return the best place if no other comes near it, in a map without own scans."""
+    if known.has_own_fits or not searched.candidates:
+        return None
+    found = searched.candidates[0]
+    best = refined(known, composite, found.tf_map_tracking)
+    if not (
+        _is_known_at(known, composite, found, best.fit)
+        and is_apart(known, path, best.score, searched.runner_up, best.fit)
+    ):
+        return None
+    return Claim(best.tf_map_tracking, best.fit.agreement)
 
 
 def _claim_by_path(
@@ -229,14 +253,11 @@ def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candid
     return detailed is not None and lower >= 0.0 and detailed.refutes(here, there)
 
 
-def _may_be_claimed(
-    known: KnownMap, composite: Composite, found: Candidate, fit: Fit, needed: Needed
-) -> bool:
-    """Return whether the scans fit in a place that was found as they usually do, by their fit."""
+def _is_known_at(known: KnownMap, composite: Composite, found: Candidate, fit: Fit) -> bool:
+    """Return whether the map is known where the robot is in a place, and where its scans end."""
     if known.value_at(found.tf_map_tracking) == 0:
         return False
-    is_known = fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
-    return is_known and needed.are_reached(found.score, fit)
+    return fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
 
 
 def _places(known: KnownMap, candidates: list[Candidate]) -> tuple[Place, ...]:

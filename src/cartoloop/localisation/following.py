@@ -9,7 +9,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
-from cartoloop.localisation.decision import MIN_POINTS
+from cartoloop.localisation.decision import MIN_POINTS, Claim
 from cartoloop.localisation.doubt import Doubt
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.known_map import KnownMap
@@ -17,6 +17,9 @@ from cartoloop.localisation.local_motion import LocalScan
 from cartoloop.localisation.moving_returns import MovingReturns
 from cartoloop.localisation.tracking import MAP_SIGMA_M, MAP_SIGMA_RAD, Tracker
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
+
+CLAIMED_SHARE = 0.95
+"""Share of the agreement at a claim that is expected from then on, if that was low."""
 
 FIRST_SIGMA_M, FIRST_SIGMA_RAD = 2.0 * MAP_SIGMA_M, 3.0 * MAP_SIGMA_RAD
 """Standard deviations of a claimed pose [m], [rad]."""
@@ -29,7 +32,7 @@ class Following:
     ----------
     known : the map.
     config : of local SLAM, whose matcher is used.
-    tf_map_tracking : the claimed pose, of the scan that is followed first.
+    claim : the claimed pose, of the scan that is followed first.
     is_given : whether a user gave the pose.
 
     Attributes
@@ -42,18 +45,20 @@ class Following:
         self,
         known: KnownMap,
         config: LocalSlamConfig,
-        tf_map_tracking: Pose,
+        claim: Claim,
         *,
         is_given: bool,
     ) -> None:
         variances = np.square((FIRST_SIGMA_M, FIRST_SIGMA_M, FIRST_SIGMA_RAD))
         self._known = known
-        self._tracker = Tracker(known, config, tf_map_tracking, np.diag(variances))
+        self._tracker = Tracker(known, config, claim.tf_map_tracking, np.diag(variances))
         self._last: LocalScan | None = None
-        self.shown = tf_map_tracking
+        self.shown = claim.tf_map_tracking
         self._agreement = math.nan
-        low = known.low_agreement / known.usual.agreement
-        self.doubt = Doubt(low, is_given=is_given)
+        low = known.low_agreement
+        if not math.isnan(claim.agreement):
+            low = min(low, CLAIMED_SHARE * claim.agreement)
+        self.doubt = Doubt(low / known.usual.agreement, is_given=is_given)
         self._moving = MovingReturns()
 
     @property

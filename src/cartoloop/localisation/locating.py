@@ -169,9 +169,7 @@ class Locating:
 
     def _believe(self, claim: Claim, scan: LocalScan, *, is_given: bool = False) -> None:
         """Follow the robot from a place that is claimed."""
-        self._following = Following(
-            self._known, self._config.local_slam, claim.tf_map_tracking, is_given=is_given
-        )
+        self._following = Following(self._known, self._config.local_slam, claim, is_given=is_given)
         self._following.begin(scan)
         self._was_located = True
 

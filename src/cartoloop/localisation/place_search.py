@@ -120,7 +120,8 @@ class PlaceSearch:
         if decision.claim is None:
             return None
         step = relative(self._tf_local_searched, scan.tf_local_tracking)
-        return Claim(compose(decision.claim.tf_map_tracking, step))
+        pose = compose(decision.claim.tf_map_tracking, step)
+        return decision.claim._replace(tf_map_tracking=pose)
 
     def _is_due(self, scan: LocalScan, trail: Trail, step: float) -> bool:
         """Return whether the robot has moved, or waited, since the last search."""
