@@ -11,7 +11,7 @@ from cartoloop.localisation.following import Following
 from tests.localisation.rooms import ROOM, START, known_map
 
 
-def test_an_agreement_that_was_low_at_the_claim_is_expected_later():
+def test_a_low_agreement_at_a_claim_is_expected_later():
     known = known_map(ROOM)
     config = LocalSlamConfig()
     doubts = [
