@@ -28,7 +28,7 @@ REACH_M, STEP_M = 1.2, 0.05
 SAME_M = 0.2
 """Shifts that differ by less are one, for all that walls of noise and pixels show [m]."""
 
-MORE_NODES, MAX_SCANS = 3, 12
+MORE_NODES, MAX_SCANS = 3, 6
 """Nodes before and after those of an encounter that are used, too, and the scans used in all."""
 
 MAX_EXAMINED = 120
