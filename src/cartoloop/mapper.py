@@ -4,60 +4,42 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
-
-import numpy as np
 
 from cartoloop.arguments import require_type
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.earlier_sessions import whole_trajectory, with_parts
 from cartoloop.errors import UsageError
+from cartoloop.event_intake import EventIntake
 from cartoloop.global_slam.background import BackgroundGlobalSlam
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import path_length
-from cartoloop.growing_array import GrowingArray
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
-from cartoloop.lifelong.trim import trimmed
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.map_data import MapData
-from cartoloop.map_repair import repair
+from cartoloop.map_finishing import finished_map
 from cartoloop.map_sessions import earlier_maps
-from cartoloop.packed_rows import PackedRows
+from cartoloop.mapped_scans import MappedScans
 from cartoloop.part_check import part_check
-from cartoloop.quality.examine import examine
 from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
     Report,
     RunClock,
     summarize_constraints,
-    summarize_sensor,
 )
 from cartoloop.result import Result
 from cartoloop.runtime.stage_timer import StageTimer
-from cartoloop.sensor.event_faults import EventChecker
-from cartoloop.sensor.events import (
-    CloudGeometry,
-    Imu,
-    LaserScan,
-    Odometry,
-    PointCloud,
-    ScanGeometry,
-    SensorEvent,
-)
+from cartoloop.sensor.events import LaserScan, PointCloud, SensorEvent
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
-from cartoloop.sensor.stated_sweeps import StatedSweeps
 from cartoloop.session import Session
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.submap import Submap
-
-_EVENTS = "a LaserScan, PointCloud, Odometry or Imu"
 
 
 class Mapper:
@@ -128,21 +110,10 @@ class Mapper:
         if earlier.maps:
             self._global_slam.begin_session(onto_pose)
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
-        self._scans = PackedRows(4)  # stamp and tf_local_tracking of each
-        self._scans.extend(np.column_stack((earlier.stamps, earlier.local_poses)))
-        self._first_scan = len(earlier.stamps)
-        self._first_stamp = self._last_stamp = math.nan
+        self._scans = MappedScans(earlier)
         self._local_pose = IDENTITY
-        self._node_scan_index: list[int] = earlier.node_scan_index.tolist()
-        self._node_stamps = GrowingArray((), np.float64)
-        self._node_stamps.extend(earlier.stamps[earlier.node_scan_index])
-        self._skipped: Counter[str] = Counter()
         self._last_scan: LocalSlamResult | None = None
-        self._num_scans = 0
-        self._queue: deque[LaserScan | PointCloud] = deque()
-        self._checker = EventChecker(accepts_late_odometry=live)
-        self._sweeps = StatedSweeps(config.sensor.sweep_s)
-        self._sensors: dict[str, ScanGeometry | CloudGeometry] = {}
+        self._intake = EventIntake(config.sensor, self._local_slam, accepts_late_odometry=live)
         self._clock: RunClock | None = None
         self._is_closed = False
         self._finished: Result | None = None
@@ -150,12 +121,12 @@ class Mapper:
     @property
     def num_scans(self) -> int:
         """Number of scans added."""
-        return self._num_scans
+        return self._intake.num_scans
 
     @property
     def num_nodes(self) -> int:
         """Number of scans that became nodes of the pose graph."""
-        return len(self._node_scan_index)
+        return self._scans.num_nodes
 
     @property
     def calibration(self) -> SensorCalibration:
@@ -195,27 +166,21 @@ class Mapper:
     @property
     def skipped(self) -> Mapping[str, int]:
         """Number of skipped scans and events, by reason."""
-        return self._skipped
+        return self._intake.skipped
 
     @property
     def recorded_s(self) -> float:
         """Time from the first scan to the last [s], 0 before the first."""
-        checker = self._checker
-        return checker.last_time - checker.first_time if self._has_scans else 0.0
-
-    @property
-    def _has_scans(self) -> bool:
-        return len(self._scans) > self._first_scan
+        return self._intake.duration_s if self._scans.has_own else 0.0
 
     @property
     def last_stamp(self) -> float:
         """Stamp of the last mapped scan [s], NaN before the first."""
-        return self._last_stamp
+        return self._scans.last_stamp
 
     def node_stamps(self, first: int) -> FloatArray:
         """Return the stamps [s] of the graph's nodes from `first` on, shape (n,)."""
-        stamps: FloatArray = self._node_stamps.view[first : self._global_slam.graph.num_nodes]
-        return stamps.copy()
+        return self._scans.node_stamps(first, self._global_slam.graph.num_nodes)
 
     def add(self, event: SensorEvent, on_pose: Callable[[], None] | None = None) -> Pose | None:
         """Add one sensor event. Bad data does not raise: it is skipped, and counted by reason.
@@ -244,19 +209,8 @@ class Mapper:
             raise UsageError("Mapper.add: the map is finished; map further events in a new Mapper")
         if self._clock is None:
             self._clock = RunClock()
-        if isinstance(event, LaserScan | PointCloud):
-            self._num_scans += 1
-        else:
-            require_type(event, Odometry | Imu, "Mapper.add: event", _EVENTS)
-        if reason := self._checker.reason_to_skip(event):
-            self._skipped[reason] += 1
+        if not self._intake.take(event):
             return None
-        if isinstance(event, Odometry):
-            self._local_slam.add_odometry(event)
-        elif isinstance(event, Imu):
-            self._local_slam.add_imu(event)
-        else:
-            self._queue.append(self._sweeps.of(event))
         # Live, the sequencer has already waited for late readings.
         return self._map_queue(math.inf if self._back_end is not None else event.time, on_pose)
 
@@ -286,10 +240,8 @@ class Mapper:
             if (failure := self._end_back_end()) is not None:
                 raise failure
             self._global_slam.finish(self._local_slam.active_submaps, note)
-            finished = self._examined(self._trimmed(self.result(), note), note)
-            if repair(self._global_slam, self.result, self._config, finished.quality, note):
-                finished = self._examined(self._trimmed(self.result(), note), note)
-            self._finished = finished
+            finished = finished_map(self._global_slam, self.result, self._config, self._timer, note)
+            self._finished = replace(finished, report=self._timed(finished.report))
         finally:
             self.close()
         return self._finished
@@ -331,33 +283,11 @@ class Mapper:
         """
         return self._result(len(self._scans), self._local_slam.active_submaps)
 
-    def _trimmed(self, result: Result, note: Callable[[str], None] | None) -> Result:
-        """Return a finished map without what the newest session has superseded, if that is on."""
-        if not self._config.lifelong.enabled:
-            return result
-        if note is not None:
-            note("removing what was seen again")
-        with self._timer.measure("trim"):
-            return trimmed(result)
-
-    def _examined(self, result: Result, note: Callable[[str], None] | None) -> Result:
-        """Return a finished map with the verdict on it in the report."""
-        if note is not None:
-            note("examining the map")
-        odometry = result.report.extra.get("odometry")
-        with self._timer.measure("examine"):
-            quality = examine(result, self._config.quality, odometry)
-        stages = self._timer.summary()
-        report = replace(result.report, quality=quality, stages=stages, finished=True)
-        report = self._clock.timed(report) if self._clock else report
-        return replace(result, report=report)
-
     def _result(self, num_scans: int, active: Sequence[Submap]) -> Result:
         """Return the map of the first `num_scans` mapped scans and these growing submaps."""
         graph = self._global_slam.graph
-        node_scan_index = np.array(self._node_scan_index[: graph.num_nodes], dtype=np.int64)
-        scans = self._scans.rows(num_scans)
-        stamps, local = scans[:, 0].copy(), scans[:, 1:].copy()
+        node_scan_index = self._scans.node_scan_index(graph.num_nodes)
+        stamps, local = self._scans.rows(num_scans)
         sessions = self.sessions
         trajectory = whole_trajectory(sessions, local, node_scan_index, graph.node_poses)
         return Result(
@@ -377,20 +307,14 @@ class Mapper:
     @property
     def sessions(self) -> tuple[Session, ...]:
         """All sessions, the last of them the one that is mapped, with the parts so far."""
-        own = Session(
-            first_scan=self._first_scan,
-            first_node=len(self._earlier.node_scan_index),
-            first_submap=self._earlier.num_submaps,
-            stamp=self._first_stamp,
-            calibration=self.calibration.to_dict(),
-        )
+        own = self._scans.session(self.calibration)
         return with_parts([*self._earlier.sessions, own], self._global_slam.sessions)
 
     def _map_queue(self, time: float, on_pose: Callable[[], None] | None = None) -> Pose | None:
         """Map the queued scans whose sweeps ended before a time; return the last pose."""
-        queue, pose = self._queue, None
-        while queue and self._local_slam.is_ready(queue[0], time):
-            self._map_scan(queue.popleft(), on_pose)
+        pose = None
+        for scan in self._intake.ready_scans(time):
+            self._map_scan(scan, on_pose)
             pose = self.pose
         return pose
 
@@ -402,15 +326,9 @@ class Mapper:
 
         self._last_scan = result = self._local_slam.add_scan(scan, publish)
         if not result.was_matched and result.node is None:
-            self._skipped["too few returns to match: pose as predicted"] += 1
-        if not self._has_scans:
-            self._first_stamp = float(scan.stamp)
-        self._last_stamp = float(scan.stamp)
-        self._sensors.setdefault(scan.geometry.sensor, scan.geometry)
-        self._scans.append((scan.stamp, *result.tf_local_tracking))
+            self._intake.skipped["too few returns to match: pose as predicted"] += 1
+        self._scans.add(scan, result.tf_local_tracking, is_node=result.node is not None)
         if result.node is not None:
-            self._node_scan_index.append(len(self._scans) - 1)
-            self._node_stamps.append(scan.stamp)
             (self._back_end or self._global_slam).add_node(result.node)
 
     def _end_back_end(self) -> Exception | None:
@@ -429,18 +347,20 @@ class Mapper:
         return [grids[index] for index in range(graph.num_submaps)]
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
-        slam, path = self._global_slam, path_length(trajectory[self._first_scan :])
-        sensors = [summarize_sensor(sensor) for _, sensor in sorted(self._sensors.items())]
+        slam, path = self._global_slam, path_length(trajectory[self._scans.first :])
+        own = InputSummary(scans=self.num_scans, duration_s=self.recorded_s, path_length_m=path)
         report = Report(
-            input=self._earlier.summary(
-                InputSummary(scans=self._num_scans, duration_s=self.recorded_s, path_length_m=path)
-            ),
+            input=self._earlier.summary(own),
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
             constraints=summarize_constraints(graph, slam.closures),
             adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
-            skipped=self._earlier.skipped(self._skipped),
-            extra=self._local_slam.summary() | slam.summary() | {"sensors": sensors},
+            skipped=self._earlier.skipped(self.skipped),
+            extra=self._local_slam.summary() | slam.summary() | {"sensors": self._scans.sensors()},
         )
+        return self._timed(report)
+
+    def _timed(self, report: Report) -> Report:
+        """Return a report with the time since the first event."""
         return self._clock.timed(report) if self._clock else report

@@ -11,7 +11,6 @@ import pytest
 from cartoloop.config import ConstraintSearchConfig, GlobalSlamConfig, WideSearchConfig
 from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.global_slam import GlobalSlam
-from cartoloop.global_slam.pose_adjustment import PoseAdjuster
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import Pose, compose, inverse, relative_all, transform_points
@@ -157,7 +156,6 @@ def test_trusted_closures_that_the_rest_contradicts_lose_trust():
     few = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)[:3]
     graph.is_trusted[few] = True
     graph.relative_poses[few[0]] += (4.0, 0.0, 0.0)
-    slam._adjuster = PoseAdjuster(graph)
-    slam._adjust(50)
+    slam._closing.adjust(50)
 
     assert graph.is_trusted[few].tolist() == [False, True, True]

@@ -468,7 +468,7 @@ def test_projection_can_be_disabled():
 
 def test_an_overlong_sweep_counts_as_instantaneous(extrapolator):
     assert extrapolator.sweep_motion(0.0, 0.0, 100.0) is None
-    assert extrapolator.num_overlong_sweeps == 1
+    assert extrapolator.summary()["sweeps_too_long"] == 1
 
 
 def test_a_match_corrects_the_motion_during_its_sweep(extrapolator):

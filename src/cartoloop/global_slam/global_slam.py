@@ -10,35 +10,24 @@ import numpy as np
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
-from cartoloop.global_slam.closure_matches import SearchMatches
 from cartoloop.global_slam.closure_requests import ClosureRequests
 from cartoloop.global_slam.constraint_search import ConstraintSearch
-from cartoloop.global_slam.graph_adjustment import (
-    AdjustmentRun,
-    GraphAdjustment,
-    violated_closures,
-)
+from cartoloop.global_slam.graph_adjustment import AdjustmentRun
 from cartoloop.global_slam.graph_building import GraphBuilder
-from cartoloop.global_slam.graph_records import PoseNotes, matches_record
 from cartoloop.global_slam.join_evidence import CheckGeometry, OnePose
 from cartoloop.global_slam.loading import load
+from cartoloop.global_slam.loop_closing import LoopClosing
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.parts_left import join_parts_left
-from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.repair import FindContradictions, Repair, Repaired, add_closures
-from cartoloop.global_slam.restoring import (
-    finished_submap,
-    restore_closures,
-    restore_nodes,
-)
+from cartoloop.global_slam.restoring import restore
 from cartoloop.global_slam.session_ends import SessionEnds
 from cartoloop.global_slam.sessions import MappedSessions
 from cartoloop.global_slam.wide_search import WideSearch, record_requests
-from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
 from cartoloop.runtime.stage_timer import StageTimer
-from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse
+from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
@@ -82,13 +71,10 @@ class GlobalSlam:
         check_geometry: CheckGeometry | None = None,
     ) -> None:
         self._recorded = outcomes
-        self._poses = PoseNotes(outcomes)
         self._config = config
         self._timer = timer
         self._waits_while_mapping = wait_for_searches
         self.graph, self.closures, self.sessions = load(mapped)
-        share = config.pose_adjustment.mapping_share
-        self._adjustment = GraphAdjustment(self.graph, config, share)
         weight = config.pose_adjustment.intra_submap_weight
         self._builder = GraphBuilder(self.graph, weight, timer, outcomes)
         self._finished = self._builder.finished
@@ -104,6 +90,16 @@ class GlobalSlam:
         self.num_put_off = 0
         self.repaired: Repaired | None = None
         self._pairs = PairSelection(config.constraint_search)
+        self._closing = LoopClosing(
+            config,
+            self.graph,
+            self.closures,
+            self.sessions,
+            self._builder,
+            self._pairs,
+            timer,
+            outcomes,
+        )
         self._wide = WideSearch(
             config.constraint_search, self.closures, self._finished, self.search, outcomes
         )
@@ -128,31 +124,29 @@ class GlobalSlam:
             outcomes,
         )
         self._ends = SessionEnds(config, self._finished, self.sessions, check_geometry)
-        self._tf_map_local = IDENTITY
         if mapped:
-            self._builder.submap_nodes = restore_nodes(
+            self._builder.submap_nodes = restore(
                 mapped,
                 self.graph,
+                self.closures,
                 self.sessions,
                 self._pairs,
                 self._wide,
                 self._builder.node_points,
+                self._finished,
             )
-            for index, grid in enumerate(grid for each in mapped for grid in each.grids):
-                self._finished.append(finished_submap(index, grid, self.graph, self.node_points))
-            restore_closures(self.graph, self.closures, self._pairs)
         else:
             self.begin_session()
 
     @property
     def adjustments(self) -> Sequence[AdjustmentRun]:
         """The runs of pose adjustment so far."""
-        return self._adjustment.runs
+        return self._closing.runs
 
     @property
     def tf_map_local(self) -> Pose:
         """Pose of the local frame in the map since the last adjustment."""
-        return self._tf_map_local
+        return self._closing.tf_map_local
 
     @property
     def node_points(self) -> ScanPoints:
@@ -179,13 +173,13 @@ class GlobalSlam:
         part = self.sessions.begin(self.graph.num_nodes, self.graph.num_submaps)
         self._pairs.begin_session()
         self._wide.begin_session()
-        self._tf_map_local = IDENTITY
+        self._closing.tf_map_local = IDENTITY
         if tf_map_local is not None:
             self.joins.joining.known = OnePose(part, tf_map_local)
 
     def add_node(self, node: Node) -> None:
         """Add a scan that was inserted; request searches for it; adjust when due."""
-        self._builder.add_node(node, self._tf_map_local)
+        self._builder.add_node(node, self.tf_map_local)
         self._pairs.add_node(node)
         finished = None if node.finished is None else self._builder.finish(node.finished)
         every = self._config.optimize_every_n_nodes
@@ -249,11 +243,9 @@ class GlobalSlam:
         for number in range(1, passes + 1):
             announce(f"matching again, {number} of {passes}")
             self._match_again()
-            self._settle(iterations)
+            self._closing.settle(iterations)
         announce("last adjustment")
-        with self._timer.measure("adjust"):
-            self._adjustment.weigh_chain(len(self.sessions), is_repaired=self.closures.is_repaired)
-            self._remove_contradicted(iterations)
+        self._closing.remove_contradicted(iterations, weigh_chain=True)
 
     def repair(self, find: FindContradictions) -> bool:
         """Make visits agree that contradict each other in the finished map; return whether any do.
@@ -277,9 +269,8 @@ class GlobalSlam:
             self._match_again()
             added = repaired.without_matched(self.graph)
             add_closures(self.graph, added, self.closures.note_repaired(added))
-            self._settle(iterations)
-        with self._timer.measure("adjust"):
-            self._remove_contradicted(iterations)
+            self._closing.settle(iterations)
+        self._closing.remove_contradicted(iterations, weigh_chain=False)
         return True
 
     def finished_grids(self) -> dict[int, FinishedGrid]:
@@ -316,23 +307,14 @@ class GlobalSlam:
             requests, found, min_score = held.take(np.flatnonzero(is_new))
             rows = record_requests(self._recorded, self.closures, requests, self.graph.num_nodes)
             self.closures.note_searched(rows, min_score)
-            self._believe(found._replace(row=rows), max_num_iterations)
+            self._closing.believe(found._replace(row=rows), max_num_iterations)
         return self.graph.num_loop_closures > before
-
-    def _believe(self, found: SearchMatches, max_num_iterations: int) -> None:
-        """Add loop closures that agree with each other, and adjust."""
-        if self._recorded.replay(Kind.BELIEVED) is None and self._recorded.is_recording:
-            self._recorded.record(Kind.BELIEVED, matches_record(found))
-        self._add_closures(found, are_trusted=True)
-        with self._timer.measure("adjust"):
-            self._adjust(max_num_iterations)
 
     def _close_loops(self, max_num_iterations: int, *, wait: bool) -> None:
         """Take in the loop closures that searches found, and adjust all poses."""
         self._take_in_closures(wait=wait)
         self.num_put_off += self.search.num_running
-        with self._timer.measure("adjust"):
-            self._adjust(max_num_iterations)
+        self._closing.adjust(max_num_iterations)
         self._believe_hypotheses(max_num_iterations, wait=wait)
 
     def _believe_hypotheses(self, max_num_iterations: int, *, wait: bool) -> None:
@@ -343,7 +325,7 @@ class GlobalSlam:
             self._timer.record("search", duration)
         is_new = False
         while (found := self._wide.decide(self._pairs, self.graph)) is not None:
-            self._believe(found, max_num_iterations)
+            self._closing.believe(found, max_num_iterations)
             is_new = True
         if is_new:
             self._request.again()
@@ -358,10 +340,7 @@ class GlobalSlam:
             self._timer.record("search", duration)
         with self._timer.measure("join parts"):
             while (join := self.joins.next(self.graph, self.node_points)) is not None:
-                self._adjustment.forget_poses()
-                self._add_closures(join.found, are_trusted=True)
-                self._add_closures(join.nearby, are_trusted=False)
-                self._adjust(max_num_iterations)
+                self._closing.join(join, max_num_iterations)
                 self._request.again()
                 if not self.joins.is_needed:
                     break
@@ -375,40 +354,7 @@ class GlobalSlam:
         for duration in self.search.durations[num_timed:]:
             self._timer.record("search", duration)
         if len(found.row):
-            self._add_closures(found, are_trusted=False)
-
-    def _add_closures(self, found: SearchMatches, *, are_trusted: bool) -> None:
-        """Add loop closures to the record and to the graph."""
-        submaps, nodes = self.closures.submap[found.row], self.closures.node[found.row]
-        self.closures.add_found(found, self.graph.num_nodes)
-        self._pairs.note_found(submaps, nodes)
-        self.graph.add_loop_closures(
-            ClosureConstraints(found.row, submaps, nodes, found.tf_submap_node, found.information),
-            are_trusted=are_trusted,
-        )
-
-    def _adjust(self, max_num_iterations: int) -> None:
-        holding = self._adjustment.run(max_num_iterations)
-        newest = Pose(*self.graph.submap_poses[-1].tolist())
-        self._tf_map_local = compose(newest, inverse(self._builder.tf_local_last_submap))
-        self._poses.note(self.graph.submap_poses)
-        self._pairs.note_adjusted(self.graph, holding)
-
-    def _settle(self, max_num_iterations: int) -> None:
-        """Adjust the finished map, with the chain as strong as the poses bear out."""
-        with self._timer.measure("adjust"):
-            self._adjustment.weigh_chain(len(self.sessions), is_repaired=self.closures.is_repaired)
-            self._adjust(max_num_iterations)
-
-    def _remove_contradicted(self, max_num_iterations: int) -> None:
-        """Remove the loop closures that the other constraints contradict, and adjust again."""
-        closures, is_violated = violated_closures(self.graph)
-        if is_violated.any():
-            is_false = np.zeros(self.graph.num_constraints, dtype=bool)
-            is_false[closures[is_violated]] = True
-            self.closures.note_contradicted(self.graph.closure_rows[is_false])
-            self.graph.remove(is_false)
-            self._adjust(max_num_iterations)
+            self._closing.add(found, are_trusted=False)
 
     def _match_again(self) -> None:
         """Replace the loop closures by matches from the adjusted poses."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which pairs of node and finished submap are searched, with which window, and why not.
+"""Which pairs of node and finished submap are searched, and with which window.
 
 The window does not have to be 7 m where the graph knows the relative pose to half a metre. How well
 it is known follows from the shortest path from the one to the other, along the robot's path and
@@ -8,17 +8,14 @@ node it leads first to the submap that it was inserted into, or along the path t
 that closed a loop: its anchor.
 
 Here pairs are limited by distance, number and path length, and between two submaps by the searches
-and closures so far. That limit of closures counts once more within one task of the search
-(``closure_search``), where closures are found that have not joined the graph yet.
+and closures so far (``pair_counts``). That limit of closures counts once more within one task of
+the search (``closure_search``), where closures are found that have not joined the graph yet.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
-from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +26,8 @@ from cartoloop.global_slam.closure_matches import Requests
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.lost_gaps import LostGaps
+from cartoloop.global_slam.pair_counts import PairCounts
+from cartoloop.global_slam.pair_verdict import PairVerdict, why_not
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.search_windows import windows
 from cartoloop.global_slam.submap_paths import UNCONNECTED_M, SubmapPaths
@@ -46,35 +45,6 @@ from cartoloop.submaps.node import Node, is_lost
 from cartoloop.submaps.submap import SPARSE_STEP_M
 
 _NOTHING: FloatArray = np.empty(0)
-
-
-class WhyNot(Enum):
-    """Why a pair is not requested."""
-
-    OWN_SUBMAP = "the node was inserted into this submap"
-    FEW_POINTS = "the scan has too few returns"
-    TOO_FAR = "submap and node are too far apart"
-    WIDE_SEARCH = "the path between them is long: composite scans are searched instead"
-    EVERY_NTH_NODE = "only every n-th node is searched"
-    WELL_CONSTRAINED = "the pair is well constrained, and only every n-th such node is searched"
-    ENOUGH_SEARCHES = "enough nodes of the same submap were searched: they are well constrained"
-    ENOUGH_CLOSURES = "enough closures between the two submaps were found"
-
-
-class PairVerdict(NamedTuple):
-    """Whether a pair would be requested.
-
-    Attributes
-    ----------
-    why_not : None if it would.
-    distance : between submap and node [m].
-    path_length : of the shortest known path between them, in which metres between sparse scans
-        count ``sparse_drift`` times [m].
-    """
-
-    why_not: WhyNot | None
-    distance: float
-    path_length: float
 
 
 class PairSelection:
@@ -96,8 +66,7 @@ class PairSelection:
         self._last_position = (0.0, 0.0)
         self._begins_session = False
         self._closures = np.empty((2, 0), dtype=np.int64)
-        self._num_found: Counter[tuple[int, int]] = Counter()
-        self._num_searches: Counter[tuple[int, int]] = Counter()
+        self._counts = PairCounts(config)
         self._submap_paths = self._wide_paths = SubmapPaths(config)
         self._gaps = LostGaps()
         self._boxes: FloatArray = np.empty((0, 4))
@@ -155,19 +124,13 @@ class PairSelection:
 
     def note_found(self, submaps: NDArray[np.integer], nodes: NDArray[np.integer]) -> None:
         """Note loop closures that searches found."""
-        node_submaps = self._node_submaps.view[nodes, 0]
-        self._num_found.update(zip(submaps.tolist(), node_submaps.tolist(), strict=True))
+        self._counts.note_found(submaps, self._node_submaps.view[nodes, 0])
 
     def note_requested(self, closures: Closures) -> None:
         """Note the requests and found closures of a record."""
-        found, config = closures.found, self._config
-        self.note_found(found.submap, found.node)
-        drift = closures.linear_window - config.min_linear_search_window
-        known_well = drift < config.well_constrained_length * config.linear_drift
-        submaps = closures.submap[: closures.num_requested][known_well].tolist()
-        self._num_searches.update(
-            zip(submaps, closures.node_submap[known_well].tolist(), strict=True)
-        )
+        self.note_found(closures.found.submap, closures.found.node)
+        submaps = closures.submap[: closures.num_requested]
+        self._counts.note_searched(submaps, closures.node_submap, closures.linear_window)
 
     def note_adjusted(self, graph: PoseGraph, closures: IntArray) -> None:
         """Note which constraints of the graph are loop closures that hold, shape (k,)."""
@@ -260,7 +223,16 @@ class PairSelection:
         x, y, _ = graph.submap_poses[submap].tolist()
         distance = math.dist((place.x, place.y), (x, y))
         length = _path_length(submap, place, self._submap_travelled.view, self._submap_paths)
-        return PairVerdict(self._why_not(place, submap, distance, length), distance, length)
+        reason = why_not(
+            self._config,
+            self._counts,
+            place,
+            submap,
+            distance,
+            length,
+            has_few_points=not self._is_searchable.view[node],
+        )
+        return PairVerdict(reason, distance, length)
 
     def path_length(self, graph: PoseGraph, submap: int, node: int) -> float:
         """Return the length of the shortest known path between submap and node [m].
@@ -314,27 +286,6 @@ class PairSelection:
             self._boxes = bounding_boxes(submaps)
         return self._boxes[: len(submaps)]
 
-    def _why_not(
-        self, place: NodePlace, submap: int, distance: float, length: float
-    ) -> WhyNot | None:
-        config, number = self._config, submap + place.node
-        pair = (submap, place.first_submap)
-        well_constrained = length < config.well_constrained_length
-        skipped = number % config.every_nth_node != 0
-        skipped_well_constrained = number % config.every_nth_well_constrained_node != 0
-        searched_enough = self._num_searches[pair] >= config.max_searches_of_well_constrained_pair
-        tests = {
-            WhyNot.OWN_SUBMAP: submap in (place.first_submap, place.last_submap),
-            WhyNot.FEW_POINTS: not self._is_searchable.view[place.node],
-            WhyNot.TOO_FAR: distance > config.max_constraint_distance,
-            WhyNot.WIDE_SEARCH: length >= config.wide_search.min_path_length,
-            WhyNot.WELL_CONSTRAINED: well_constrained and skipped_well_constrained,
-            WhyNot.EVERY_NTH_NODE: skipped and not well_constrained,
-            WhyNot.ENOUGH_CLOSURES: self._num_found[pair] >= config.max_closures_of_pair,
-            WhyNot.ENOUGH_SEARCHES: well_constrained and searched_enough,
-        }
-        return next((reason for reason, applies in tests.items() if applies), None)
-
     @property
     def _paths(self) -> Paths:
         return Paths(
@@ -370,13 +321,8 @@ class PairSelection:
         if len(submaps) == 0:
             return NO_REQUESTS
         node_submaps = self._node_submaps.view[nodes, 0]
-        pairs = zip(submaps.tolist(), node_submaps.tolist(), strict=True)
-        taken = [
-            i
-            for i, (pair, length) in enumerate(zip(pairs, lengths.tolist(), strict=True))
-            if self._take(pair, length)
-        ]
-        if not taken:
+        taken = self._counts.take(submaps, node_submaps, lengths)
+        if len(taken) == 0:
             return NO_REQUESTS
         requests = Requests(
             submaps,
@@ -385,23 +331,7 @@ class PairSelection:
             poses[: len(submaps)],
             *windows(self._config, lengths),
         )
-        return requests if len(taken) == len(submaps) else requests.take(np.array(taken))
-
-    def _take(self, pair: tuple[int, int], path_length: float) -> bool:
-        """Return whether a pair that is due is searched, and count it if so.
-
-        Parameters
-        ----------
-        pair : submap, and the first submap that the node was inserted into.
-        """
-        config = self._config
-        if self._num_found[pair] >= config.max_closures_of_pair:
-            return False
-        if path_length < config.well_constrained_length:
-            if self._num_searches[pair] >= config.max_searches_of_well_constrained_pair:
-                return False
-            self._num_searches[pair] += 1
-        return True
+        return requests if len(taken) == len(submaps) else requests.take(taken)
 
 
 _NO_ROWS = np.zeros(0, np.int32)

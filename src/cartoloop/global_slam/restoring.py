@@ -21,7 +21,33 @@ from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import LOST_ROTATION_INFORMATION, is_lost
 
 
-def restore_nodes(
+def restore(
+    mapped: Sequence[MappedSessions],
+    graph: PoseGraph,
+    closures: Closures,
+    sessions: SessionRanges,
+    pairs: PairSelection,
+    wide: WideSearch,
+    node_points: NodePoints,
+    finished: list[FinishedSubmap],
+) -> list[set[int]]:
+    """Note all of earlier maps; return of each submap the nodes that were inserted into it.
+
+    Parameters
+    ----------
+    mapped : the maps.
+    graph, closures, sessions : of all of them.
+    pairs, wide, node_points : that the nodes are added to.
+    finished : that the submaps are added to.
+    """
+    submap_nodes = _restore_nodes(mapped, graph, sessions, pairs, wide, node_points)
+    for index, grid in enumerate(grid for each in mapped for grid in each.grids):
+        finished.append(finished_submap(index, grid, graph, node_points.view))
+    _restore_closures(graph, closures, pairs)
+    return submap_nodes
+
+
+def _restore_nodes(
     mapped: Sequence[MappedSessions],
     graph: PoseGraph,
     sessions: SessionRanges,
@@ -29,14 +55,7 @@ def restore_nodes(
     wide: WideSearch,
     node_points: NodePoints,
 ) -> list[set[int]]:
-    """Note the nodes of maps; return of each submap the nodes that were inserted into it.
-
-    Parameters
-    ----------
-    mapped : the maps.
-    graph, sessions : of all of them.
-    pairs, wide, node_points : that the nodes are added to.
-    """
+    """Note the nodes of maps; return of each submap the nodes that were inserted into it."""
     submaps = NodeSubmaps.of(graph)
     begins = set(sessions.first_nodes[1:])
     for points in (points for each in mapped for points in each.node_points):
@@ -62,7 +81,7 @@ def restore_nodes(
     return submap_nodes
 
 
-def restore_closures(graph: PoseGraph, closures: Closures, pairs: PairSelection) -> None:
+def _restore_closures(graph: PoseGraph, closures: Closures, pairs: PairSelection) -> None:
     """Note the requests and closures of maps; closures that hold connect submaps."""
     pairs.note_requested(closures)
     in_graph, is_violated = violated_closures(graph)

@@ -3,13 +3,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import (
@@ -17,32 +13,29 @@ from cartoloop.config import (
     LocalSlamConfig,
     SensorConfig,
 )
-from cartoloop.errors import InputError
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
-from cartoloop.kernels.moved_points import moved_points
-from cartoloop.local_slam.degenerate_direction import degenerate_direction, is_determined
-from cartoloop.local_slam.first_map import FirstMap
+from cartoloop.local_slam.degenerate_direction import degenerate_direction
 from cartoloop.local_slam.measured_distance import NEAR_QUANTILE
 from cartoloop.local_slam.odometry_window import Evidence
-from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
+from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.recorded_steps import RecordedSteps
+from cartoloop.local_slam.scan_filter import FilteredScan, ScanFilter
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, follows_odometry
 from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
+from cartoloop.local_slam.submap_building import SubmapBuilder
+from cartoloop.local_slam.sweep_prediction import MAX_SWEEP_S
 from cartoloop.local_slam.unmatched_stretch import UnmatchedStretch
 from cartoloop.local_slam.wall_step import FAR_QUANTILE
 from cartoloop.runtime.stage_timer import StageTimer
-from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
-from cartoloop.sensor.isolated_returns import without_isolated
-from cartoloop.sensor.pose import Pose, compose
-from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
-from cartoloop.sensor.sweep_motion import SweepMotion
-from cartoloop.sensor.wall_normals import normal_ratio
+from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.range_filter import RangeData
 from cartoloop.submaps.node import Node, shows_place
-from cartoloop.submaps.submap import ActiveSubmaps, Submap
+from cartoloop.submaps.submap import Submap
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,21 +56,6 @@ class LocalSlamResult:
     node: Node | None
     returns: FloatArray
     match: LeastSquaresMatch | None = None
-
-
-class FilteredScan(NamedTuple):
-    """A scan after deskewing and filtering.
-
-    Attributes
-    ----------
-    motion : the motion during the sweep that was assumed; None without any.
-    data : ends of the beams.
-    points : float64, shape (n, 2), the returns to match [m], tracking frame.
-    """
-
-    motion: SweepMotion | None
-    data: RangeData
-    points: FloatArray
 
 
 class LocalSlam:
@@ -108,21 +86,18 @@ class LocalSlam:
     ) -> None:
         self._config = config
         self._recorded = RecordedSteps(outcomes.local)
-        self._node_filter = node_filter
         self._timer = timer
-        self._range_filter = RangeFilter(sensor)
+        self._filter = ScanFilter(sensor, config.adaptive_voxel_filter)
         self._scanners: dict[str, Scanner] = {}
-        self._active = ActiveSubmaps(config.submaps, first_submap, outcomes.finished_submaps)
-        self._first_map = FirstMap(config)
+        self._submaps = SubmapBuilder(config, node_filter, outcomes, first_node, first_submap)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._unmatched = UnmatchedStretch()
-        self._next_node = first_node
         self.extrapolator = PoseExtrapolator(config, known)
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
         """The growing submaps, and those about to be finished, the oldest first."""
-        return self._active.unfinished
+        return self._submaps.unfinished
 
     @property
     def calibration(self) -> SensorCalibration:
@@ -139,7 +114,7 @@ class LocalSlam:
             scanners = sorted(self._scanners.items())
             summary["scanners"] = {name: scanner.num_scans for name, scanner in scanners}
             summary["scanner_time_offsets_s"] = dict(sorted(self._clocks.offsets.items()))
-        if useful_ranges := self._range_filter.useful_ranges:
+        if useful_ranges := self._filter.useful_ranges:
             summary["useful_range_m"] = useful_ranges
         return summary
 
@@ -185,7 +160,7 @@ class LocalSlam:
         scanner, name = self._scanner_of(scan), scan.geometry.sensor
         time = scan.time + self._clocks.offset_of(name)
         self._make_up()
-        filtered = self._filter(scan, time)
+        filtered = self._deskewed(scan, time)
         scanner.noise = filtered.data.noise
         with self._timer.measure("predict"):
             prediction = self.extrapolator.predict(time)
@@ -220,7 +195,7 @@ class LocalSlam:
             scanner.motion_filter.forget()
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
-            information = self._information(shown)
+            information = self._submaps.information(shown)
             if shown is not None and shows_place(information):
                 self._unmatched.clear()
             node = self._insert(scan, filtered.data, pose, information)
@@ -245,26 +220,16 @@ class LocalSlam:
             for scanner in self._scanners.values():
                 scanner.wall_step.correct(missed)
 
-    def _filter(self, scan: LaserScan | PointCloud, time: float) -> FilteredScan:
+    def _deskewed(self, scan: LaserScan | PointCloud, time: float) -> FilteredScan:
         """Return a scan deskewed by the motion that the extrapolator expects."""
         with self._timer.measure("filter"):
-            motion = self.extrapolator.sweep_motion(time, *scan.sweep)
-            return self._deskewed(scan, motion)
-
-    def _deskewed(self, scan: LaserScan | PointCloud, motion: SweepMotion | None) -> FilteredScan:
-        data = self._range_filter.apply(scan, motion)
-        return FilteredScan(motion, data, thin(data.returns, self._config.adaptive_voxel_filter))
+            return self._filter.apply(scan, self.extrapolator.sweep_motion(time, *scan.sweep))
 
     def _match(
         self, filtered: FilteredScan, prediction: Prediction, matcher: ScanMatcher
     ) -> MatchedScan:
-        """Return the match of a scan to the older active submap, which exists.
-
-        Instead of a young one, whose pixels may hold the robot, to the walls that it shows.
-        """
-        submap, walls = self._active.submaps[0], self._first_map.submap
-        if walls is not None and not prediction.by_odometry:
-            submap = walls
+        """Return the match of a scan to the submap that is to be matched, which exists."""
+        submap = self._submaps.to_match(by_odometry=prediction.by_odometry)
 
         def compute() -> MatchedScan:
             with self._timer.measure("match"):
@@ -286,7 +251,7 @@ class LocalSlam:
         if motion is None:
             return filtered, match
         with self._timer.measure("filter"):
-            filtered = self._deskewed(scan, motion)
+            filtered = self._filter.apply(scan, motion)
         if len(filtered.points) < self._config.insertion.min_num_points:
             return filtered, match
         prediction = self.extrapolator.prediction_from(time, pose)
@@ -298,18 +263,11 @@ class LocalSlam:
         """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
             return None
-        changes = scanner.changed_share_since, scanner.explained_since
         if by_walls:
-            return Evidence(True, 0.0, scanner.change_since, lambda: math.inf, *changes)
-        ratio, direction = degenerate_direction(match.match)
-        turned = self._active.submaps[0].tf_local_submap.theta
-        return Evidence(
-            is_determined(ratio, self._config.prediction.spurious_information),
-            direction + turned,
-            scanner.change_since,
-            partial(normal_ratio, points, math.inf),
-            *changes,
-        )
+            return scanner.evidence_by_walls()
+        turned = self._submaps.older.tf_local_submap.theta
+        spurious = self._config.prediction.spurious_information
+        return scanner.evidence(match.match, turned, points, spurious)
 
     def _along_walls(
         self,
@@ -383,23 +341,6 @@ class LocalSlam:
 
         return self._recorded.wall_step(wall_step, compute)
 
-    def _information(self, match: MatchedScan | None) -> FloatArray:
-        """Return the information matrix of a scan's pose in the older active submap."""
-        if match is not None:
-            return match_information(match.match)
-        config = self._config.insertion
-        if self._active.submaps:
-            translation, rotation = (
-                config.predicted_translation_information,
-                config.predicted_rotation_information,
-            )
-        else:
-            translation, rotation = (
-                config.first_translation_information,
-                config.first_rotation_information,
-            )
-        return np.diag((translation, translation, rotation))
-
     def _insert(
         self,
         scan: LaserScan | PointCloud,
@@ -410,29 +351,14 @@ class LocalSlam:
         """Insert a scan into the active submaps and return its node."""
         by_odometry = self._unmatched.end(self.extrapolator.odometry.model, information)
         with self._timer.measure("insert"):
-            try:
-                insertion = self._active.insert(
-                    compose(tf_local_tracking, data.tf_tracking_sensor),
-                    moved_points(*tf_local_tracking, data.returns),
-                    moved_points(*tf_local_tracking, data.misses),
-                    tf_local_robot=tf_local_tracking,
-                    noise=data.noise,
-                    starts_over=by_odometry is not None,
-                )
-            except InputError as error:
-                raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error
-            self._first_map.insert(tf_local_tracking, data, insertion.submaps[0])
-            node = Node(
-                self._next_node,
-                scan.time,
+            node = self._submaps.insert(
+                scan,
+                data,
                 tf_local_tracking,
-                thin(without_isolated(data.returns), self._node_filter),
-                insertion.submaps,
                 information if by_odometry is None else by_odometry,
-                insertion.finished,
+                starts_over=by_odometry is not None,
             )
-        self._next_node += 1
         self._recorded.add_node(node, data.tf_tracking_sensor)
-        if insertion.finished is not None:
+        if node.finished is not None:
             self._recorded.add_calibration(self.calibration)
         return node

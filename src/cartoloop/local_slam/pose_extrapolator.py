@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The motion prior: the predicted pose of a scan, its uncertainty, and the motion of a sweep."""
+"""The motion prior: the predicted pose of a scan, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ import math
 from collections import deque
 from functools import partial
 from typing import Any
-
-import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
@@ -20,14 +18,11 @@ from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.local_slam.slip import own_velocity, since_slip
+from cartoloop.local_slam.sweep_prediction import SweepPrediction, middle_of_sweep
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 from cartoloop.sensor.sweep_motion import SweepMotion
-
-MAX_SWEEP_S = 1.0
-"""Longest plausible sweep [s]: no scanner is slower than 1 Hz. A longer one is a wrong time
-increment, and its beams count as measured at once."""
 
 MAX_RECENT = 256
 """Number of latest scans whose poses are kept for odometry that catches up: some seconds of them.
@@ -55,7 +50,6 @@ class PoseExtrapolator:
     ----------
     odometry : the motion that wheels measured.
     gyroscope : the rotation that an IMU measured.
-    num_overlong_sweeps : number of sweeps longer than `MAX_SWEEP_S`.
     """
 
     def __init__(self, config: LocalSlamConfig, known: SensorCalibration | None = None) -> None:
@@ -78,7 +72,7 @@ class PoseExtrapolator:
         self._num_poses = 0
         self._is_determined = True
         self._was_made_up_for = False
-        self.num_overlong_sweeps = 0
+        self._sweeps = SweepPrediction(config, self.odometry, self.gyroscope, self._velocity)
 
     @property
     def measures_motion(self) -> bool:
@@ -88,8 +82,8 @@ class PoseExtrapolator:
     def summary(self) -> dict[str, Any]:
         """Return the estimates about odometry and IMU, for the report."""
         summary: dict[str, Any] = {"odometry": self.odometry.summary()} | self.gyroscope.summary()
-        if self.num_overlong_sweeps:
-            summary["sweeps_too_long"] = self.num_overlong_sweeps
+        if self._sweeps.num_overlong:
+            summary["sweeps_too_long"] = self._sweeps.num_overlong
         return summary
 
     def add_odometry(self, time: float, tf_odom_tracking: Pose) -> None:
@@ -119,7 +113,7 @@ class PoseExtrapolator:
         A sweep is matched as a whole, so the pose of its middle is correct even if the assumed
         motion is not. Velocity, clock offsets and biases are therefore estimated from the middles.
         """
-        middle_time, middle = _middle(time, tf_local_tracking, motion)
+        middle_time, middle = middle_of_sweep(time, tf_local_tracking, motion)
         last = self._middles.get(scanner)
         expected = None
         if last is not None:
@@ -344,81 +338,14 @@ class PoseExtrapolator:
         return compose(self._tf_local_tracking, self.gyroscope.with_turn(step, self._time, time))
 
     def sweep_motion(self, time: float, first: float, last: float) -> SweepMotion | None:
-        """Return the predicted motion and tilt during a sweep; None if neither is to be corrected.
-
-        Parameters
-        ----------
-        time : of the scan [s], not before the last pose.
-        first, last : begin and end of the sweep relative to `time` [s].
-        """
-        if last - first > MAX_SWEEP_S:
-            self.num_overlong_sweeps += 1
-            first = last = 0.0
-        imu = self.gyroscope.track if self._config.project_to_horizontal else None
-        if imu is not None and not imu.measures_gravity:
-            imu = None
-        if imu is None and last <= first:
-            return None
-        motion_step = self._config.deskewing.motion_step
-        num_steps = max(math.ceil((last - first) / motion_step), 1 if last > first else 0)
-        moments = np.linspace(first, last, num_steps + 1)
-        knots = np.zeros((num_steps + 1, 5))
-        if num_steps:
-            knots[:, :3] = [self._step_between(time, time + moment) for moment in moments.tolist()]
-        if imu is not None:
-            knots[:, 3:] = imu.at(time + moments - self.gyroscope.calibration.time_offset)[:, :2]
-        return SweepMotion(first, (last - first) / num_steps if num_steps else 1.0, knots)
+        """Return the predicted motion during a sweep, see :meth:`SweepPrediction.predicted`."""
+        return self._sweeps.predicted(time, first, last)
 
     def corrected_motion(
         self, time: float, tf_local_tracking: Pose, motion: SweepMotion | None
     ) -> SweepMotion | None:
-        """Return a better estimate of the motion during a sweep, given the matched pose.
-
-        None where other sensors measure the motion, or where it is as assumed. The pose of the
-        middle of a sweep is correct even if the assumed motion is not; so the velocity follows
-        from the middles of this sweep and the last.
-        """
-        if motion is None or len(motion.knots) < 2 or not self._num_poses:
+        """Return a better estimate of that motion, see :meth:`SweepPrediction.corrected`."""
+        if motion is None or not self._num_poses:
             return None
-        if self._is_measured(time, time + motion.start + (len(motion.knots) - 1) * motion.step):
-            return None
-        middle_time, middle = _middle(time, tf_local_tracking, motion)
-        duration = middle_time - self._middle_time
-        if not 0.0 < duration < MAX_SWEEP_S:
-            return None
-        step = relative(self._middle, middle)
-        moments = motion.start + motion.step * np.arange(len(motion.knots))
-        knots = motion.knots.copy()
-        knots[:, :3] = moments[:, None] / duration * np.array(step)
-        change = np.abs(knots[:, :3] - motion.knots[:, :3]).max(axis=0)
-        config = self._config.deskewing
-        if (
-            max(change[0], change[1]) < config.min_translation_correction
-            and change[2] < config.min_rotation_correction
-        ):
-            return None
-        return SweepMotion(motion.start, motion.step, knots)
-
-    def _is_measured(self, begin: float, end: float) -> bool:
-        """Return whether odometry or gyroscope measure the rotation between two times."""
-        return (
-            self.odometry.step(begin, end) is not None
-            or self.gyroscope.turn(begin, end) is not None
-        )
-
-    def _step_between(self, begin: float, end: float) -> Pose:
-        """Return the motion from one time to another, which may be earlier."""
-        step = self.odometry.step(begin, end)
-        if step is None:
-            step = self._velocity.step(end - begin)
-        return self.gyroscope.with_turn(step, begin, end)
-
-
-def _middle(time: float, pose: Pose, motion: SweepMotion | None) -> tuple[float, Pose]:
-    """Return time and pose of the middle of a sweep that began at a pose."""
-    if motion is None or len(motion.knots) < 2:
-        return time, pose
-    last = len(motion.knots) - 1
-    half = 0.5 * (motion.knots[last // 2] + motion.knots[(last + 1) // 2])
-    x, y, theta = half[:3].tolist()
-    return time + motion.start + 0.5 * last * motion.step, compose(pose, Pose(x, y, theta))
+        last_middle = self._middle_time, self._middle
+        return self._sweeps.corrected(time, tf_local_tracking, motion, last_middle)

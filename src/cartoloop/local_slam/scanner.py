@@ -6,12 +6,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Self
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.degenerate_direction import degenerate_direction, is_determined
 from cartoloop.local_slam.measured_distance import DistanceMeter
 from cartoloop.local_slam.motion_filter import MotionFilter
 from cartoloop.local_slam.moving_gain import (
@@ -21,10 +23,13 @@ from cartoloop.local_slam.moving_gain import (
     explained,
     have_changed,
 )
+from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.scan_matcher import ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.events import LaserScan, PointCloud
 from cartoloop.sensor.range_noise import NO_NOISE, Noise
+from cartoloop.sensor.wall_normals import normal_ratio
 
 MAX_RECENT = 64
 """Number of scans of a scanner that are kept for a comparison: more than a second of them."""
@@ -85,6 +90,39 @@ class Scanner:
         if first is None:
             return ALL_BY_REST
         return explained(first, self.recent[-1], self.noise, velocity)
+
+    def evidence(
+        self, match: LeastSquaresMatch, theta: float, points: FloatArray, spurious: float
+    ) -> Evidence:
+        """Return what the match of the latest scan says about the motion.
+
+        Parameters
+        ----------
+        match : to a submap.
+        theta : heading of that submap, local frame [rad].
+        points : as matched, shape (n, 2) [m], tracking frame.
+        spurious : share of the curvature that pixel noise alone makes.
+        """
+        ratio, direction = degenerate_direction(match)
+        return Evidence(
+            is_determined(ratio, spurious),
+            direction + theta,
+            self.change_since,
+            partial(normal_ratio, points, math.inf),
+            self.changed_share_since,
+            self.explained_since,
+        )
+
+    def evidence_by_walls(self) -> Evidence:
+        """Return what a match says where the scan before has shown the step along bare walls."""
+        return Evidence(
+            True,
+            0.0,
+            self.change_since,
+            lambda: math.inf,
+            self.changed_share_since,
+            self.explained_since,
+        )
 
     def _first_since(self, time: float) -> SeenScan | None:
         """Return the first scan since a time, None if it is the last one or has other beams."""

@@ -10,7 +10,7 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.following import MIN_SCORE, MIN_SCORE_RATIO
-from cartoloop.global_slam.pair_selection import PairVerdict
+from cartoloop.global_slam.pair_verdict import PairVerdict
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
 from cartoloop.global_slam.search_windows import path_length_of
 

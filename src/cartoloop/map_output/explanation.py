@@ -13,7 +13,8 @@ from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_residuals import residuals, weights
 from cartoloop.global_slam.closure_search import mean_score
 from cartoloop.global_slam.closure_status import Reason, Status
-from cartoloop.global_slam.pair_selection import PairSelection, PairVerdict, WhyNot
+from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.pair_verdict import PairVerdict, WhyNot
 from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
 )
