@@ -49,6 +49,8 @@ from bench.robustness.log_changes import (
 from bench.robustness.odometry_changes import (
     coarse_odometry,
     drifting_clock,
+    left_handed,
+    no_motion,
     restarted,
     second_half,
     turning_in_bursts,
@@ -62,9 +64,16 @@ from bench.robustness.scanner_changes import (
     narrow,
     own_parts,
     rounded,
+    wider_fan,
     zero_for_none,
 )
-from bench.robustness.several_changes import both, cheap_robot, combined, lossy_robot
+from bench.robustness.several_changes import (
+    both,
+    cheap_robot,
+    combined,
+    depth_camera,
+    lossy_robot,
+)
 from bench.robustness.stamp_changes import (
     NewTimes,
     late_at_random,
@@ -193,6 +202,11 @@ CHANGES: Final = {
         Change("range8-no-odometry", short_sighted(8.0), settings=NO_ODOMETRY),
         Change("noise2cm-third", both(noise(0.02), one_scan_in(3))),
         Change("view120-jitter", both(narrow(math.radians(120.0)), jittering_odometry(0.1))),
+        Change("fan101", wider_fan(0.01)),
+        Change("zero-odometry", no_motion),
+        Change("left-handed", left_handed),
+        Change("depth-camera", depth_camera, seeds=2),
+        Change("view120-no-odometry", narrow(math.radians(120.0)), settings=NO_ODOMETRY),
         Change("range8-turns110", both(short_sighted(8.0), odometry_steps(turning_more(0.1)))),
     )
 }

@@ -90,6 +90,16 @@ def restarted(seconds: float) -> Apply:
     return apply
 
 
+def no_motion(log: CarmenText, _: Rng) -> None:
+    """Report zeros, as logs of scanners without a robot do."""
+    log.poses = np.zeros_like(log.poses)
+
+
+def left_handed(log: CarmenText, _: Rng) -> None:
+    """Report poses of which y points to the right, and turns to the right are positive."""
+    log.poses = log.poses * (1.0, -1.0, -1.0)
+
+
 def second_half(log: CarmenText, _: Rng) -> None:
     """Leave out the first half."""
     times = log.times

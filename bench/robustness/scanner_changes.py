@@ -34,6 +34,16 @@ def narrow(view: float) -> Apply:
     return apply
 
 
+def wider_fan(share: float) -> Apply:
+    """Return the change whose beams are said to be farther apart than they are, by a share."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        first, step = beam_angles(log)
+        log.angles = ((1.0 + share) * first, (1.0 + share) * step)
+
+    return apply
+
+
 def rounded(step: float) -> Apply:
     """Return the change that rounds ranges to multiples of a step [m]."""
     return _seen(lambda ranges: step * np.round(ranges / step))

@@ -18,12 +18,14 @@ from bench.robustness.log_changes import (
     missing,
     newer_odometry,
     noise,
+    noise_share,
     noisy_odometry,
     odometry_steps,
     outliers,
     short_sighted,
     start,
 )
+from bench.robustness.scanner_changes import narrow
 
 
 def both(*changes: Apply) -> Apply:
@@ -46,6 +48,13 @@ def lossy_robot(log: CarmenText, rng: Rng) -> None:
     """Make the recording one of a robot with noisy wheels, from which scans were lost."""
     noisy_odometry(0.1, math.radians(3.0))(log, rng)
     lost_scans(0.05, 4.0)(log, rng)
+
+
+def depth_camera(log: CarmenText, rng: Rng) -> None:
+    """Make the recording one of a depth camera: a narrow view, 8 m, noise that grows."""
+    short_sighted(8.0)(log, rng)
+    noise_share(0.005)(log, rng)
+    narrow(math.radians(60.0))(log, rng)
 
 
 def combined(log: CarmenText, rng: Rng) -> None:

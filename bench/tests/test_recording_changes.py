@@ -14,6 +14,8 @@ from bench.robustness.log_changes import one_scan_in, short_sighted
 from bench.robustness.odometry_changes import (
     coarse_odometry,
     drifting_clock,
+    left_handed,
+    no_motion,
     restarted,
     second_half,
     turning_in_bursts,
@@ -27,9 +29,10 @@ from bench.robustness.scanner_changes import (
     narrow,
     own_parts,
     rounded,
+    wider_fan,
     zero_for_none,
 )
-from bench.robustness.several_changes import both
+from bench.robustness.several_changes import both, depth_camera
 from bench.robustness.stamp_changes import rounded_stamps
 from cartoloop.sensor.pose import compose_all, relative_all
 
@@ -139,6 +142,20 @@ def test_restarted_odometry_begins_at_zero_after_a_gap(log):
     assert log.times[middle] - log.times[middle - 1] > 5.0
     assert log.poses[middle] == pytest.approx(0.0)
     assert steps(log)[middle:] == pytest.approx(steps(before)[-len(steps(log)[middle:]) :])
+
+
+def test_odometry_of_no_motion_and_of_the_other_hand(log):
+    before = applied(log, left_handed)
+    assert np.array_equal(log.poses, before.poses * (1.0, -1.0, -1.0))
+    no_motion(log, np.random.default_rng(0))
+    assert not log.poses.any()
+
+
+def test_a_depth_camera_sees_little(log):
+    applied(log, both(wider_fan(0.01), depth_camera))
+    assert log.num_beams == 59
+    assert log.angles == pytest.approx((math.radians(-29.29), math.radians(1.01)))
+    assert log.ranges[0][log.ranges[0] < NO_RETURN].max() < 8.2
 
 
 def test_the_second_half_and_every_third_scan_are_left(log):
