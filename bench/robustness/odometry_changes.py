@@ -96,7 +96,7 @@ def no_motion(log: CarmenText, _: Rng) -> None:
 
 
 def left_handed(log: CarmenText, _: Rng) -> None:
-    """Report poses of which y points to the right, and turns to the right are positive."""
+    """Report poses with y to the right, and turns to the right as positive."""
     log.poses = log.poses * (1.0, -1.0, -1.0)
 
 
