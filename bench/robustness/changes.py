@@ -53,6 +53,7 @@ from bench.robustness.odometry_changes import (
     no_motion,
     restarted,
     second_half,
+    skidding_turns,
     turning_in_bursts,
     turning_more,
 )
@@ -189,6 +190,7 @@ CHANGES: Final = {
         Change("yaw5", mounted(0.1, 0.0, math.radians(5.0))),
         Change("turns110", odometry_steps(turning_more(0.1))),
         Change("turns090", odometry_steps(turning_more(-0.1))),
+        Change("skid", skidding_turns(0.4, 5.0), seeds=2),
         Change("coarse", coarse_odometry(0.01, math.radians(1.0), 0.5)),
         Change("yaw-bursts", turning_in_bursts(math.radians(1.0), 0.2, 10.0), seeds=2),
         Change("clock-drift", drifting_clock(1e-4)),

@@ -65,6 +65,25 @@ def turning_in_bursts(rate: float, share: float, seconds: float) -> Apply:
     return apply
 
 
+def skidding_turns(share: float, seconds: float) -> Apply:
+    """Return the change whose turns are larger or smaller by up to a share, as of skid steering.
+
+    Parameters
+    ----------
+    share : of the turns, at most.
+    seconds : after these, they are so by another share.
+    """
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        times = log.times
+        stretch = ((times[1:] - times[0]) / seconds).astype(np.int64)
+        factors = rng.uniform(1.0 - share, 1.0 + share, int(stretch.max()) + 1)[stretch]
+        ones = np.ones_like(factors)
+        odometry_steps(lambda steps: steps * np.column_stack((ones, ones, factors)))(log, rng)
+
+    return apply
+
+
 def drifting_clock(rate: float) -> Apply:
     """Return the change whose odometry has a clock of its own, which is fast by a share."""
 

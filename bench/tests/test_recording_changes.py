@@ -18,6 +18,7 @@ from bench.robustness.odometry_changes import (
     no_motion,
     restarted,
     second_half,
+    skidding_turns,
     turning_in_bursts,
     turning_more,
 )
@@ -113,6 +114,15 @@ def test_turns_are_larger_by_a_share(log):
     before = steps(applied(log, CHANGES["turns110"].apply))
     assert steps(log)[:, 2] == pytest.approx(1.1 * before[:, 2])
     assert np.allclose(turning_more(0.1)(before), before * (1.0, 1.0, 1.1))
+
+
+def test_turns_skid_by_another_share_after_some_seconds(log):
+    before = steps(applied(log, skidding_turns(0.4, 5.0)))
+    factors = steps(log)[:, 2] / before[:, 2]
+    assert np.abs(factors - 1.0).max() <= 0.4 + 1e-9
+    assert np.ptp(factors[:9]) == pytest.approx(0.0, abs=1e-9)
+    assert len(np.unique(factors.round(6))) == 20
+    assert steps(log)[:, :2] == pytest.approx(before[:, :2])
 
 
 def test_coarse_odometry_repeats_rounded_poses(log):
