@@ -15,6 +15,7 @@ from bench.localisation import measures
 from bench.localisation.drives import CutRecording, Drive
 from bench.localisation.figures import driving_figures, share
 from bench.localisation.long_drive import long_drive_rows
+from bench.localisation.other_buildings import stranger_rows
 from bench.localisation.search_times import time_rows
 from bench.localisation.world_rows import (
     MAX_PATH_M,
@@ -22,7 +23,6 @@ from bench.localisation.world_rows import (
     alike_rows,
     changed_rows,
     simulated_rows,
-    stranger_rows,
 )
 from bench.record import Case, Figure, Record, Row
 from cartoloop.evaluation.map_image import MapImage
@@ -34,9 +34,8 @@ RECORDINGS = ("intel", "fr079", "mit-csail", "aces")
 """Recordings whose second half is localised in the map of the first."""
 
 PARTS = ("worlds", "strangers", "changes", "alike", "times", "long")
-"""Parts of the benchmark beside the recordings: simulated worlds, drives in the map of another one,
-later days, a building with two wings that look alike, times of searches, and one drive again and
-again."""
+"""Parts of the benchmark beside the recordings: simulated worlds, drives in maps of others, later
+days, a building with two wings that look alike, times of searches, and one drive, repeated."""
 
 LEAST_PATH_M = 12.0
 """Drives from nowhere begin where at least this path is left [m], where there is any such place."""

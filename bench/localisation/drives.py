@@ -20,6 +20,7 @@ from cartoloop.readers import open_log
 from cartoloop.result import Result
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 from cartoloop.sensor.pose import (
+    IDENTITY,
     Pose,
     compose,
     compose_all,
@@ -53,6 +54,7 @@ class Drive:
     truth : float64, shape (n, 3), tf_map_tracking of each scan.
     map_errors : float64, by how far the scans that made the map lie from the truth in it [m]; empty
         where that is not known.
+    tf_map_world : of a simulated world.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Drive:
     events: list[SensorEvent]
     truth: FloatArray
     map_errors: FloatArray = field(default_factory=lambda: np.zeros(0))
+    tf_map_world: Pose = IDENTITY
 
     @cached_property
     def scan_places(self) -> IntArray:
@@ -168,7 +171,7 @@ def simulated_drive(
     apart = result.trajectory - compose_all(np.array(tf_map_world), mapped_truth)
     truth = compose_all(np.array(tf_map_world), back.true_poses)
     map_errors = np.hypot(apart[:, 0], apart[:, 1])
-    return Drive(f"{name} {seed}", result, list(back.events()), truth, map_errors)
+    return Drive(f"{name} {seed}", result, list(back.events()), truth, map_errors, tf_map_world)
 
 
 @cache

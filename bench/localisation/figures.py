@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bench.localisation import measures
-from bench.record import Figure
+from bench.record import Better, Figure
 
 
 def driving_figures(runs: Sequence[measures.Followed], *, by_overlap: bool) -> dict[str, Figure]:
@@ -61,6 +61,6 @@ def share(values: np.ndarray[tuple[int], np.dtype[np.bool_]], better: str) -> Fi
     return Figure.exact(percent, "%", "more" if better == "more" else "less")
 
 
-def percent(part: int, whole: int) -> Figure:
+def percent(part: int, whole: int, better: Better = "more") -> Figure:
     """Return a share as a figure."""
-    return Figure.exact(100.0 * part / whole if whole else math.nan, "%", "more")
+    return Figure.exact(100.0 * part / whole if whole else math.nan, "%", better)

@@ -32,19 +32,6 @@ ALIKE_STARTS = (0.05, 0.35, 0.65)
 MAX_PATH_M = 20.0
 """Path of each drive from nowhere [m]."""
 
-STRANGER_PATH_M = 20.0
-"""Within this path a robot in the map of another building is to say so [m]."""
-
-STRANGER_SCANS = 60
-"""Single scans that are searched in the map of another building."""
-
-FIRST_PATH_M = 8.0
-"""Path of the many drives from nowhere in the map of another building [m]: on the first metres, a
-search comes after each half metre."""
-
-LAST_START = 0.9
-"""The last of them begins after this share of the scans."""
-
 Progress = Callable[[str], None]
 
 
@@ -58,33 +45,6 @@ def live_row(case: Case, runs: Sequence[measures.Followed]) -> Row:
             "time of the calling thread": Figure(float(np.median(times)), "ms"),
             "99%": Figure(float(np.quantile(times, 0.99)), "ms"),
             "longest": Figure(float(times.max()), "ms"),
-        },
-    )
-
-
-def stranger_row(case: Case, runs: Sequence[measures.Followed], how: str = "") -> Row:
-    """Return how often a robot is located in the map of another building."""
-    decisions = sum(sum(run.states.values()) for run in runs)
-    located = sum(run.num_located for run in runs)
-    paths = np.array([run.unlocated_path for run in runs])
-    return Row(
-        {"what": f"in the map of another building{how}", **case},
-        {
-            "drives": Figure.exact(len(runs), better=None),
-            "says so within 20 m": share(paths <= STRANGER_PATH_M, "more"),
-            "wrong": Figure.exact(100.0 * located / max(decisions, 1), "%"),
-            "longest located": Figure.exact(max(run.longest_located_s for run in runs), "s"),
-        },
-    )
-
-
-def stranger_scans_row(case: Case, claimed: Sequence[bool]) -> Row:
-    """Return how often a single scan is claimed in the map of another building."""
-    return Row(
-        {"what": "one scan, in the map of another building", **case},
-        {
-            "scans": Figure.exact(len(claimed), better=None),
-            "wrong": Figure.exact(100.0 * float(np.mean(claimed)), "%"),
         },
     )
 
@@ -108,7 +68,6 @@ def carried_row(case: Case, found: Sequence[measures.CarriedAway]) -> Row:
 def simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row]:
     """Return what is measured against the truth of the simulator."""
     found = _Measured()
-    before: KnownMap | None = None
     for seed in range(seeds):
         progress(f"{WORLD} {seed}: mapping and driving again")
         drive = simulated_drive(WORLD, seed)
@@ -119,55 +78,9 @@ def simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row]
         found.live.append(measures.follow(known, drive, max_path=MAX_PATH_M, live=True))
         later = simulated_drive(WORLD, seed, with_moved_boxes)
         found.moved.append(measures.follow(known_map_of(later.result), later, at=_pose(later, 0)))
-        if before is not None:
-            found.strangers.append(measures.follow(before, drive))
-            given = measures.follow(before, drive, max_path=STRANGER_PATH_M, at=start)
-            found.given.append(given)
-            scans = measures.single_scans(before, drive, STRANGER_SCANS)
-            found.stranger_scans += scans.claimed
-        before = known
         found.carried += _carried(known, drive, seed, drives)
     if seeds:
         yield from found.rows({"drive": f"{WORLD}, {seeds} seeds", "map": "ours"})
-
-
-def first_metres_row(case: Case, runs: Sequence[measures.Followed]) -> Row:
-    """Return how often a place is claimed on the first metres in the map of another building."""
-    located = np.array([run.num_located for run in runs])
-    decisions = sum(sum(run.states.values()) for run in runs)
-    return Row(
-        {"what": "the first metres in the map of another building", **case},
-        {
-            "drives": Figure.exact(len(runs), better=None),
-            "drives with a wrong claim": share(located > 0, "less"),
-            "wrong": Figure.exact(100.0 * int(located.sum()) / max(decisions, 1), "%"),
-            "longest located": Figure.exact(max(run.longest_located_s for run in runs), "s"),
-        },
-    )
-
-
-def stranger_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iterator[Row]:
-    """Return how often a place is claimed in the map of another building, from nowhere.
-
-    Parameters
-    ----------
-    seeds : of worlds; each is driven in the map of the one before, the first in that of the last.
-    drives : in each map, from scans spread over the drive.
-    """
-    runs: list[measures.Followed] = []
-    claimed: list[bool] = []
-    for seed, other in zip(seeds, (*seeds[1:], *seeds[:1]), strict=True):
-        progress(f"{WORLD} {other} in the map of {seed}")
-        known = known_map_of(simulated_drive(WORLD, seed).result)
-        drive = simulated_drive(WORLD, other)
-        claimed += measures.single_scans(known, drive, STRANGER_SCANS).claimed
-        for share_of_drive in np.linspace(0.0, LAST_START, drives).tolist():
-            first = int(share_of_drive * len(drive.truth))
-            runs.append(measures.follow(known, drive, first, FIRST_PATH_M))
-    if runs:
-        case: Case = {"drive": f"{WORLD}, seeds {seeds[0]} to {seeds[-1]}", "map": "ours"}
-        yield first_metres_row(case, runs)
-        yield stranger_scans_row(case, claimed)
 
 
 @dataclass
@@ -176,9 +89,6 @@ class _Measured:
 
     unchanged: list[measures.Followed] = field(default_factory=list)
     moved: list[measures.Followed] = field(default_factory=list)
-    strangers: list[measures.Followed] = field(default_factory=list)
-    given: list[measures.Followed] = field(default_factory=list)
-    stranger_scans: list[bool] = field(default_factory=list)
     live: list[measures.Followed] = field(default_factory=list)
     carried: list[measures.CarriedAway] = field(default_factory=list)
     map_errors: list[FloatArray] = field(default_factory=list)
@@ -192,10 +102,6 @@ class _Measured:
         moved = driving_figures(self.moved, by_overlap=False)
         yield Row({"what": "tracking, boxes moved", **worlds}, moved)
         yield live_row(worlds, self.live)
-        if self.strangers:
-            yield stranger_row(worlds, self.strangers)
-            yield stranger_row(worlds, self.given, ", from a wrong pose")
-            yield stranger_scans_row(worlds, self.stranger_scans)
         if self.carried:
             yield carried_row(worlds, self.carried)
 

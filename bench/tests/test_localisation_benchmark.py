@@ -14,8 +14,8 @@ from bench.localisation import long_drive, measures
 from bench.localisation.benchmark import _reported
 from bench.localisation.drives import Drive, carried_away, corners_of, error, with_moved_boxes
 from bench.localisation.figures import driving_figures
+from bench.localisation.other_buildings import in_map_of, same_plan_row, stranger_row
 from bench.localisation.particle_filter import ParticleFilter
-from bench.localisation.world_rows import first_metres_row, stranger_row
 from bench.record import Figure, Record, Row, read_record
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.localizer import Localizer
@@ -153,17 +153,31 @@ def test_a_robot_says_that_it_is_in_another_building():
     assert values["longest located"] == 9.0
 
 
-def test_wrong_claims_of_the_first_metres_are_counted():
-    never, once = measures.Followed(), measures.Followed(num_located=3, longest_located_s=1.2)
-    never.states.update({"searching": 20})
-    once.states.update({"located": 3, "searching": 7})
+def test_claims_in_an_office_of_the_same_plan_are_judged():
+    never = measures.Followed()
+    right = measures.Followed(num_located=6)
+    once = measures.Followed(num_located=4, num_wrong=3)
+    for each, searching in ((never, 20), (right, 4), (once, 6)):
+        each.states.update({"located": each.num_located, "searching": searching})
 
-    row = first_metres_row({}, [never, once])
+    row = same_plan_row({}, [never, right, once])
 
     values = {name: figure.value for name, figure in row.figures.items()}
-    assert values["drives with a wrong claim"] == pytest.approx(50.0)
-    assert values["wrong"] == pytest.approx(10.0)
-    assert values["longest located"] == 1.2
+    assert values["located where it is in the plan"] == pytest.approx(17.5)
+    assert values["drives with a wrong claim"] == pytest.approx(100.0 / 3.0)
+    assert values["wrong"] == pytest.approx(7.5)
+
+
+def test_a_drive_is_moved_into_the_map_of_the_same_plan():
+    tf_world_robot = Pose(3.0, 1.0, 0.5)
+    mapped, driven = (
+        Drive("", None, [], np.array([compose(tf, tf_world_robot)]), tf_map_world=tf)
+        for tf in (Pose(1.0, -2.0, 0.3), Pose(-4.0, 0.5, -1.2))
+    )
+
+    moved = in_map_of(mapped, driven)
+
+    assert moved.truth == pytest.approx(mapped.truth)
 
 
 def test_rows_of_other_parts_are_kept(tmp_path):

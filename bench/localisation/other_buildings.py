@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of the benchmark of localisation on maps of other buildings, and of offices alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bench.localisation import measures
+from bench.localisation.drives import Drive, simulated_drive
+from bench.localisation.figures import percent, share
+from bench.localisation.world_rows import Progress
+from bench.record import Case, Figure, Row
+from cartoloop.localisation.known_map import known_map_of
+from cartoloop.sensor.pose import Pose, compose, compose_all, inverse
+
+OFFICE = "office"
+"""Offices of all seeds have the outline, the lobby and the corridors in common, and no room."""
+
+OTHERS = ("flat", "ring", "wings")
+"""Worlds that have nothing in common with it."""
+
+OTHERS_S = 200.0
+"""Duration of the drives that map these, and of those in them [s]."""
+
+PATH_M = 20.0
+"""Within this path a robot in the map of another building is to say so [m]."""
+
+NUM_SCANS = 60
+"""Single scans that are searched in the map of another building."""
+
+FIRST_PATH_M = 8.0
+"""Path of the drives in a map of the same plan [m]: on the first metres, a search comes after each
+half metre."""
+
+LAST_START = 0.9
+"""The last drive of several begins after this share of the scans."""
+
+
+def stranger_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iterator[Row]:
+    """Return how often a place is claimed in the map of another building.
+
+    Parameters
+    ----------
+    seeds : of worlds.
+    drives : in each map, from scans spread over the drive.
+    """
+    strangers = _Strangers()
+    for seed in seeds:
+        office = simulated_drive(OFFICE, seed)
+        for name in OTHERS:
+            other = simulated_drive(name, seed, duration=OTHERS_S)
+            for drive, mapped in ((office, other), (other, office)):
+                progress(f"{drive.name} in the map of {mapped.name}")
+                strangers.measure(drive, mapped, drives)
+    if seeds:
+        yield from strangers.rows(f"{OFFICE} and {', '.join(OTHERS)}, {_range(seeds)}")
+        yield from _same_plan_rows(seeds, drives, progress)
+
+
+@dataclass
+class _Strangers:
+    """What was measured in maps of other buildings."""
+
+    runs: list[measures.Followed] = field(default_factory=list)
+    given: list[measures.Followed] = field(default_factory=list)
+    claimed: list[bool] = field(default_factory=list)
+
+    def measure(self, drive: Drive, mapped: Drive, count: int) -> None:
+        """Drive in the map of another building, from nowhere and from poses on its drive."""
+        known = known_map_of(mapped.result)
+        self.claimed += measures.single_scans(known, drive, NUM_SCANS).claimed
+        for first in _starts(drive, count):
+            self.runs.append(measures.follow(known, drive, first, PATH_M))
+            place = int(first / len(drive.truth) * len(mapped.truth))
+            at = Pose(*mapped.truth[place].tolist())
+            self.given.append(measures.follow(known, drive, first, PATH_M, at))
+
+    def rows(self, drives: str) -> Iterator[Row]:
+        """Yield a row of each."""
+        case: Case = {"drive": drives, "map": "ours"}
+        yield stranger_row(case, self.runs)
+        yield stranger_row(case, self.given, ", from a wrong pose")
+        yield stranger_scans_row(case, self.claimed)
+
+
+def stranger_row(case: Case, runs: Sequence[measures.Followed], how: str = "") -> Row:
+    """Return how often a robot is located in the map of another building."""
+    decisions = sum(sum(run.states.values()) for run in runs)
+    located = np.array([run.num_located for run in runs])
+    paths = np.array([run.unlocated_path for run in runs])
+    return Row(
+        {"what": f"in the map of another building{how}", **case},
+        {
+            "drives": Figure.exact(len(runs), better=None),
+            "drives with a wrong claim": share(located > 0, "less"),
+            "says so within 20 m": share(paths <= PATH_M, "more"),
+            "wrong": percent(int(located.sum()), decisions, "less"),
+            "longest located": Figure.exact(max(run.longest_located_s for run in runs), "s"),
+        },
+    )
+
+
+def stranger_scans_row(case: Case, claimed: Sequence[bool]) -> Row:
+    """Return how often a single scan is claimed in the map of another building."""
+    return Row(
+        {"what": "one scan, in the map of another building", **case},
+        {
+            "scans": Figure.exact(len(claimed), better=None),
+            "wrong": Figure.exact(100.0 * float(np.mean(claimed)), "%"),
+        },
+    )
+
+
+def _same_plan_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iterator[Row]:
+    """Yield where places are claimed in the map of the next office, given those of one plan."""
+    runs: list[measures.Followed] = []
+    for seed, other in zip(seeds, (*seeds[1:], *seeds[:1]), strict=True):
+        if seed == other:
+            return
+        progress(f"{OFFICE} {other} in the map of {seed}, which has the same plan")
+        mapped, drive = simulated_drive(OFFICE, seed), simulated_drive(OFFICE, other)
+        known, drive = known_map_of(mapped.result), in_map_of(mapped, drive)
+        firsts = _starts(drive, drives)
+        runs += [measures.follow(known, drive, first, FIRST_PATH_M) for first in firsts]
+    yield same_plan_row({"drive": f"{OFFICE}, {_range(seeds)}", "map": "ours"}, runs)
+
+
+def same_plan_row(case: Case, runs: Sequence[measures.Followed]) -> Row:
+    """Return how often a robot is located where it is in the plan, and how often elsewhere."""
+    decisions = sum(sum(run.states.values()) for run in runs)
+    wrong = np.array([run.num_wrong for run in runs])
+    located = np.array([run.num_located for run in runs])
+    return Row(
+        {"what": "the first metres in the map of an office of the same plan", **case},
+        {
+            "drives": Figure.exact(len(runs), better=None),
+            "located where it is in the plan": percent(
+                int((located - wrong).sum()), decisions, None
+            ),
+            "drives with a wrong claim": share(wrong > 0, "less"),
+            "wrong": percent(int(wrong.sum()), decisions, "less"),
+        },
+    )
+
+
+def in_map_of(mapped: Drive, drive: Drive) -> Drive:
+    """Return a drive with its true poses in the map of another world, which has the same plan."""
+    tf_map_drive_map = compose(mapped.tf_map_world, inverse(drive.tf_map_world))
+    return replace(drive, truth=compose_all(np.array(tf_map_drive_map), drive.truth))
+
+
+def _starts(drive: Drive, count: int) -> list[int]:
+    """Return the scans that drives begin with."""
+    return [int(share * len(drive.truth)) for share in np.linspace(0.0, LAST_START, count)]
+
+
+def _range(seeds: Sequence[int]) -> str:
+    return f"seeds {seeds[0]} to {seeds[-1]}"
