@@ -202,8 +202,10 @@ CHANGES: Final = {
         Change("start60-no-odometry", start(60.0), settings=NO_ODOMETRY),
         Change("third-no-odometry", one_scan_in(3), settings=NO_ODOMETRY),
         Change("range8-no-odometry", short_sighted(8.0), settings=NO_ODOMETRY),
-        Change("noise2cm-third", both(noise(0.02), one_scan_in(3))),
-        Change("view120-jitter", both(narrow(math.radians(120.0)), jittering_odometry(0.1))),
+        Change("noise2cm-third", both(noise(0.02), one_scan_in(3)), seeds=2),
+        Change(
+            "view120-jitter", both(narrow(math.radians(120.0)), jittering_odometry(0.1)), seeds=2
+        ),
         Change("fan101", wider_fan(0.01)),
         Change("zero-odometry", no_motion),
         Change("left-handed", left_handed),
