@@ -10,7 +10,7 @@ import pytest
 
 from cartoloop.config import QualityConfig
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.quality.corridor_places import DISPLACED_GAIN, corridor_places
+from cartoloop.quality.corridor_places import DISPLACED_GAIN, NodeVisits, corridor_places
 from cartoloop.quality.corridors import (
     MAX_RADIUS_M,
     MIN_RADIUS_M,
@@ -26,7 +26,7 @@ from cartoloop.quality.odometry_use import without_odometry
 STEP_M, SECONDS = 0.2, 0.2
 GOOD = {"translation_error_m": 0.002, "metre_noise_m": 0.005, "measured_metres": 100, "faults": []}
 ALWAYS = {"begin": 0.0, "end": None, "kind": "stands still"}
-FROZEN = {**GOOD, "faults": [{"begin": 120.0, "end": None, "kind": "stands still"}]}
+FROZEN = {**GOOD, "faults": [ALWAYS | {"begin": 120.0}]}
 
 
 @dataclass
@@ -246,6 +246,71 @@ def hall(gain, count=300):
     return Corridors(nodes, np.ones(len(nodes), bool), np.full(len(nodes), gain)), run
 
 
+def places_of(halls, odometry, run, *, visited=True, displaced=0.0, here=False):
+    """Return the places of corridors, displaced by so much at the last node [m]."""
+    count = len(run.graph.node_poses)
+    by = displaced * np.column_stack((np.linspace(0.0, 1.0, count), np.zeros(count)))
+    visits = NodeVisits(np.full(count, visited), np.full(count, here), by)
+    return corridor_places(halls, odometry, visits, run, QualityConfig())
+
+
+@pytest.mark.parametrize(
+    ("visited", "displaced", "is_doubtful"),
+    [(False, 0.2, False), (False, 0.7, True), (True, 0.7, False)],
+)
+def test_a_displaced_corridor_is_doubtful_if_seen_once(visited, displaced, is_doubtful):
+    halls, run = hall(-5.0)
+
+    places = places_of(halls, GOOD, run, visited=visited, displaced=displaced)
+
+    assert len(places) == int(is_doubtful)
+
+
+SLIPPED = {
+    "begin": 20.0,
+    "end": 25.0,
+    "matched_m": 0.5,
+    "odometry_m": 1.2,
+    "matched_rad": 0.3,
+    "odometry_rad": 0.3,
+}
+
+
+@pytest.mark.parametrize(
+    ("fault", "is_doubtful"),
+    [
+        ({}, True),
+        ({"end": None}, False),
+        ({"odometry_m": 0.55}, False),
+        ({"odometry_m": 0.1}, True),
+    ],
+)
+def test_where_wheels_slipped_bare_walls_are_doubtful(fault, is_doubtful):
+    halls, run = hall(0.1)
+
+    places = places_of(halls, GOOD | {"faults": [SLIPPED | fault]}, run)
+
+    assert any("seen to slip" in place.reason for place in places) == is_doubtful
+
+
+def test_a_slip_on_a_long_path_hides_no_other():
+    halls, run = hall(0.1)
+    halls.gains[30:] = -5.0
+    slipped = GOOD | {"faults": [SLIPPED]}
+    measured = Run(STEP_M * np.arange(8000))
+
+    assert places_of(halls, slipped, run)
+    assert places_of(halls, slipped, run, here=True) == []
+    assert places_of(halls, slipped, measured) == []
+
+
+def test_wheels_that_slipped_are_compared_with_scans():
+    run = run_along(STEP_M * np.arange(40), niches=False)
+
+    assert np.isnan(corridors(run, 10.0, GOOD).gains).all()
+    assert np.isfinite(corridors(run, 10.0, GOOD | {"faults": [SLIPPED]}).gains[:-1]).any()
+
+
 @pytest.mark.parametrize(
     ("gain", "odometry", "is_doubtful"),
     [
@@ -260,9 +325,7 @@ def hall(gain, count=300):
 def test_a_length_that_nothing_measures_is_doubtful(gain, odometry, is_doubtful):
     halls, run = hall(gain)
 
-    places = corridor_places(
-        halls, odometry, np.ones(len(run.graph.node_poses), bool), run, QualityConfig()
-    )
+    places = places_of(halls, odometry, run)
 
     assert len(places) == int(is_doubtful)
     assert all("nothing measures" in place.reason for place in places)
@@ -276,9 +339,7 @@ def test_steps_that_fit_better_elsewhere_are_doubtful(share, odometry, is_doubtf
     halls, run = hall(-50.0)
     halls.gains[:: round(1.0 / share)] = DISPLACED_GAIN + 1.0
 
-    places = corridor_places(
-        halls, odometry, np.ones(len(run.graph.node_poses), bool), run, QualityConfig()
-    )
+    places = places_of(halls, odometry, run)
 
     assert any("another distance" in place.reason for place in places) == is_doubtful
 

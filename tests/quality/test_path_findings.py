@@ -15,7 +15,7 @@ from cartoloop.quality.blind_stretches import blind_stretches
 from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion_places import blind_places, jump_places, tear_places
-from cartoloop.quality.odometry_use import SCALE_LEFT, length_error, scale_error
+from cartoloop.quality.odometry_use import length_error
 from cartoloop.quality.pairs import Pairs
 from cartoloop.quality.verdict import Severity
 
@@ -379,46 +379,6 @@ def test_a_length_is_known_as_well_as_metres_were_measured():
     assert length_error(100.0, measured) == pytest.approx(0.03 * np.sqrt(200.0))
     assert length_error(100.0, measured | {"measured_metres": 10_000}) < 0.305
     assert length_error(100.0, known) == pytest.approx(1.8)
-
-
-def test_a_length_is_wrong_by_the_scale_that_was_not_known_yet():
-    stamps, places = np.arange(101.0), along_x(np.arange(101.0))
-    scales = [{"begin": 0.0, "translation_scale": 1.0}, {"begin": 10.0, "translation_scale": 0.95}]
-    odometry = {"translation_scale": 0.94, "scales": scales}
-
-    expected = 10.0 * (1.0 / 0.94 - 1.0) + 90.0 * (0.95 / 0.94 - 1.0)
-
-    def error(odometry, stamps=stamps, count=101, *, is_confirmed=False):
-        return scale_error(stamps[:count], places[:count], odometry, is_confirmed=is_confirmed)
-
-    assert error(odometry) == pytest.approx(expected)
-    assert error(odometry, is_confirmed=True) == pytest.approx(SCALE_LEFT * expected)
-    assert error({"translation_scale": 0.94}) == 0.0
-    assert error(odometry, count=1) == 0.0
-    assert error(odometry, stamps - 200.0) == 0.0  # an earlier session
-
-
-def along_x(x):
-    return np.stack((x, np.zeros(len(x))), -1)
-
-
-def test_a_return_with_the_same_scale_displaces_no_more():
-    there_and_back = np.concatenate((np.arange(50.0), np.arange(50.0, -1.0, -1.0)))
-    odometry = {
-        "translation_scale": 1.0,
-        "scales": [{"begin": 0.0, "translation_scale": 1.02}],
-    }
-    stamps = np.arange(101.0)
-    error = scale_error(stamps, along_x(there_and_back), odometry, is_confirmed=False)
-    assert error == pytest.approx(1.0)
-
-
-def test_scales_of_both_signs_displace_what_lies_between():
-    stamps, places = np.arange(101.0), along_x(np.arange(101.0))
-    scales = [{"begin": 0.0, "translation_scale": 1.05}, {"begin": 50.0, "translation_scale": 0.95}]
-    odometry = {"translation_scale": 1.0, "scales": scales}
-
-    assert scale_error(stamps, places, odometry, is_confirmed=False) == pytest.approx(2.5)
 
 
 def with_outliers(share):

@@ -27,7 +27,7 @@ def found(result):
     paths = path_lengths(result.graph.node_poses)
     pairs = compared_pairs(result, scans, CONFIG, paths)
     met = encounters(pairs.take(pairs.path >= CONFIG.min_visit_path), paths, result, scans, CONFIG)
-    return slides(met, result, scans, CONFIG)
+    return slides(met, result, scans, CONFIG, np.zeros(len(met), bool))
 
 
 def second_round_moved(result, metres):

@@ -5,17 +5,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality.corridors import MEASURED_GAIN, SMOOTHED_OVER, Corridors
 from cartoloop.quality.odometry_use import (
     has_odometry,
     length_error,
-    scale_error,
+    num_slips,
     without_odometry,
 )
 from cartoloop.quality.pairs import MapContent, path_lengths
@@ -25,8 +25,8 @@ from cartoloop.quality.verdict import Kind, Place, Severity
 UNMEASURED_ERROR = 0.12
 """Expected error of a length that neither odometry nor scans measure, as a share of it."""
 
-CONFIRMED_SHARE = 0.5
-"""A corridor is confirmed if another visit confirms this share of its nodes."""
+VISITED_SHARE = 0.4
+"""A corridor is visited twice if this share of its nodes is compared with another visit."""
 
 DISPLACED_GAIN = 5.0
 """A step is contradicted where the scan costs so much less elsewhere."""
@@ -34,16 +34,35 @@ DISPLACED_GAIN = 5.0
 MIN_DISPLACED, MIN_DISPLACED_SHARE = 4, 0.08
 """Corridors are doubtful in which this number and share of the nodes examined is contradicted."""
 
+HIDDEN_SLIPS = 0.05
+"""Number of slips that is expected where scans do not show them, nor other visits, from which it
+counts."""
+
 MEASURE_IT = (
     "compare its length with a tape measure; record with better odometry, or put boxes along the "
     "walls"
 )
 
 
+class NodeVisits(NamedTuple):
+    """What other visits show of all nodes of a map.
+
+    Attributes
+    ----------
+    are_compared : bool (n,), nodes that are compared with another visit.
+    are_here : bool (n,), those whose positions along the path are measured to agree.
+    displaced : float64 (n, 2), by the scales of the odometry between bare walls [m].
+    """
+
+    are_compared: BoolArray
+    are_here: BoolArray
+    displaced: FloatArray
+
+
 def corridor_places(
     halls: Corridors,
     odometry: Mapping[str, Any] | None,
-    confirmed: BoolArray,
+    visits: NodeVisits,
     content: MapContent,
     config: QualityConfig,
 ) -> list[Place]:
@@ -52,21 +71,64 @@ def corridor_places(
     Parameters
     ----------
     odometry : its calibration, as in the report; None without odometry.
-    confirmed : which of all nodes another visit confirms.
+    visits : what they show of all nodes.
     """
-    alone = without_odometry(stamps_of(content, halls.nodes), odometry)
+    stamps = stamps_of(content, halls.nodes)
+    alone = without_odometry(stamps, odometry)
+    by_odometry = ~alone
+    measured_by = "nothing"
+    if _may_have_slipped(halls, by_odometry, num_slips(odometry), visits, content):
+        alone, measured_by = np.ones_like(alone), "odometry that was seen to slip elsewhere"
     return [
-        *_poor_odometry_places(halls, ~alone, odometry, confirmed, content, config),
-        *_unmeasured_places(halls, alone, content, config),
+        *_poor_odometry_places(
+            halls,
+            by_odometry,
+            odometry,
+            visits,
+            content,
+            config,
+        ),
+        *_unmeasured_places(halls, alone, measured_by, content, config),
         *_displaced_step_places(halls, alone, content),
     ]
+
+
+def measured_by_odometry(
+    halls: Corridors, odometry: Mapping[str, Any] | None, content: MapContent
+) -> BoolArray:
+    """Return which of all nodes are in corridors whose lengths odometry measures, shape (n,)."""
+    found = np.zeros(content.graph.num_nodes, dtype=np.bool_)
+    if has_odometry(odometry):
+        for rows in _runs(halls, ~without_odometry(stamps_of(content, halls.nodes), odometry)):
+            found[halls.nodes[rows[0]] : halls.nodes[rows[-1]] + 1] = True
+    return found
+
+
+def _may_have_slipped(
+    halls: Corridors, chosen: BoolArray, slips: int, visits: NodeVisits, content: MapContent
+) -> bool:
+    """Return whether wheels may have slipped where no scan shows it, by how often they did.
+
+    Parameters
+    ----------
+    chosen : which of the examined nodes have odometry, shape (k,).
+    slips : number of those that were seen.
+    """
+    if not slips:
+        return False
+    hidden = chosen & ~visits.are_here[halls.nodes]
+    length = sum(
+        _unmeasured_length(halls, rows[hidden[rows]], content) for rows in _runs(halls, chosen)
+    )
+    path = float(path_lengths(content.graph.node_poses)[-1])
+    return slips * length >= HIDDEN_SLIPS * (path - length)
 
 
 def _poor_odometry_places(
     halls: Corridors,
     chosen: BoolArray,
     odometry: Mapping[str, Any] | None,
-    confirmed: BoolArray,
+    visits: NodeVisits,
     content: MapContent,
     config: QualityConfig,
 ) -> list[Place]:
@@ -75,7 +137,7 @@ def _poor_odometry_places(
     Parameters
     ----------
     chosen : which of the examined nodes have odometry, shape (k,).
-    confirmed : which of all nodes another visit confirms.
+    visits : what they show of all nodes.
     """
     if not has_odometry(odometry):
         return []
@@ -83,12 +145,9 @@ def _poor_odometry_places(
     for rows in _runs(halls, chosen):
         nodes = halls.nodes[rows]
         length = extent(content.graph.node_poses[nodes, :2])
-        by_scale = scale_error(
-            stamps_of(content, nodes),
-            content.graph.node_poses[nodes, :2],
-            odometry,
-            is_confirmed=bool(confirmed[nodes].mean() >= CONFIRMED_SHARE),
-        )
+        # Visits are compared, see visit_offsets.
+        is_visited = visits.are_compared[nodes].mean() >= VISITED_SHARE
+        by_scale = 0.0 if is_visited else extent(visits.displaced[nodes])
         error = math.hypot(length_error(length, odometry), by_scale)
         if error > config.doubtful_length_error:
             reason = (
@@ -101,13 +160,18 @@ def _poor_odometry_places(
 
 
 def _unmeasured_places(
-    halls: Corridors, chosen: BoolArray, content: MapContent, config: QualityConfig
+    halls: Corridors,
+    chosen: BoolArray,
+    measured_by: str,
+    content: MapContent,
+    config: QualityConfig,
 ) -> list[Place]:
     """Return the corridors with lengths that nothing measures, if they are long in all.
 
     Parameters
     ----------
-    chosen : which of the examined nodes have no odometry, shape (k,).
+    chosen : which of the examined nodes have no odometry that can be trusted, shape (k,).
+    measured_by : what measures these lengths instead of scans.
     """
     found = [(rows, _unmeasured_length(halls, rows, content)) for rows in _runs(halls, chosen)]
     error = UNMEASURED_ERROR * sum(length for _, length in found)
@@ -117,8 +181,8 @@ def _unmeasured_places(
         _place(
             halls.nodes[rows],
             content,
-            f"a corridor in which nothing measures the distance along {length:.0f} m, neither "
-            f"odometry nor scans: the map may be {error:.1f} m too long or too short there",
+            f"a corridor in which {measured_by} measures the distance along {length:.0f} m, but "
+            f"not the scans: the map may be {error:.1f} m too long or too short there",
             MEASURE_IT,
         )
         for rows, length in found

@@ -54,6 +54,9 @@ MAX_COST_SHARE = 0.9
 MIN_MEDIAN_M = 0.25
 """Median shift of displaced runs [m]: below, walls lie within each other's thickness."""
 
+LONG_M = 12.0
+"""A place that is as long makes the map doubtful [m], as where walls stand twice."""
+
 LIMITS = ((4, 0.1), (8, 0.07))
 """Numbers of displaced runs, and their shares of all: one pair is enough. Where visits agree,
 hardly any run is displaced."""
@@ -85,23 +88,32 @@ def shifted_places(content: MapContent, scans: ScanPoints) -> list[Place]:
     if not is_enough or np.median(apart) < MIN_MEDIAN_M:
         return []
     middles = np.array([nodes[len(nodes) // 2] for nodes in (runs.nodes[run] for run in shifted)])
-    places = []
-    for members in clusters(content.graph.node_poses[middles, :2]):
-        nodes = np.unique(np.concatenate([runs.nodes[run] for run in shifted[members].tolist()]))
-        points = content.graph.node_poses[nodes, :2]
-        places.append(
-            place_around(
-                points,
-                stamps_of(content, nodes),
-                Kind.CONTRADICTION,
-                Severity.DOUBTFUL,
-                f"visits are displaced along a corridor by {np.median(apart[members]):.1f} m: "
-                f"doors and corners fit there, along {extent(points):.0f} m",
-                "the distance along bare walls was measured wrongly: `cartoloop doctor` examines "
-                "the odometry; drive through the place once more",
-            )
+    groups = clusters(content.graph.node_poses[middles, :2])
+    places = [
+        _place(
+            np.unique(np.concatenate([runs.nodes[run] for run in shifted[members].tolist()])),
+            float(np.median(apart[members])),
+            content,
         )
+        for members in groups
+    ]
     return sorted(places, key=lambda place: -place.radius)[:MAX_PLACES]
+
+
+def _place(nodes: IntArray, apart: float, content: MapContent) -> Place:
+    """Return the place of nodes displaced by so much [m]; a minor one if it is short."""
+    points = content.graph.node_poses[nodes, :2]
+    length = extent(points)
+    return place_around(
+        points,
+        stamps_of(content, nodes),
+        Kind.CONTRADICTION,
+        Severity.DOUBTFUL if length >= LONG_M else Severity.MINOR,
+        f"visits are displaced along a corridor by {apart:.1f} m: doors and corners fit there, "
+        f"along {length:.0f} m",
+        "the distance along bare walls was measured wrongly: `cartoloop doctor` examines "
+        "the odometry; drive through the place once more",
+    )
 
 
 def corridor_runs(

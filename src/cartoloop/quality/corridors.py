@@ -12,7 +12,7 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.kernels.outline_shift import add_shift_costs, open_direction
 from cartoloop.local_slam.outline import Outline, outline_of
-from cartoloop.quality.odometry_use import has_odometry, without_odometry
+from cartoloop.quality.odometry_use import has_odometry, num_slips, untrusted_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import stamps_of
 from cartoloop.sensor.free_standing import are_free_standing
@@ -91,17 +91,18 @@ def corridors(
     Parameters
     ----------
     odometry : its calibration, as in the report. Only nodes without it are compared with the next
-        one. None without odometry: then corridors are recognised by chords along walls, too, since
-        noise of the ranges may hide which way neighbouring returns face.
+        one, or all of them if wheels slipped. None without odometry. Then, and if wheels slipped,
+        corridors are recognised by chords along walls, too, since noise of the ranges may hide
+        which way neighbouring returns face.
     """
     count = len(content.node_points)
     nodes = np.arange(0, count, max(EVERY_NTH_NODE, -(-count // MAX_NODES)))
-    alone = without_odometry(stamps_of(content, nodes), odometry)
+    alone = untrusted_odometry(stamps_of(content, nodes), odometry)
     points = [content.node_points[node] for node in nodes.tolist()]
     for row in np.flatnonzero(alone).tolist():
         points[row] = _of_walls(points[row])
     ratios = np.array([normal_ratio(each, max_range) for each in points])
-    if not has_odometry(odometry):
+    if not has_odometry(odometry) or num_slips(odometry):
         by_chord = np.array([chord_ratio(each, max_range) for each in points])
         ratios = np.minimum(ratios, CHORD_FACTOR * by_chord)
     half = SMOOTHED_OVER // 2

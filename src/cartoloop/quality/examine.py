@@ -12,18 +12,21 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
+from cartoloop.quality.along_corridors import are_here, nodes_here, shifts_along
 from cartoloop.quality.blind_stretches import blind_stretches
 from cartoloop.quality.clock_jumps import clock_jump_places, clock_jumps
-from cartoloop.quality.corridor_places import corridor_places
+from cartoloop.quality.corridor_places import NodeVisits, corridor_places, measured_by_odometry
 from cartoloop.quality.corridor_shifts import shifted_places
+from cartoloop.quality.corridors import Corridors
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.mirrored import mirrored_places
-from cartoloop.quality.pairs import MappedContent, Pairs
+from cartoloop.quality.pairs import MappedContent, Pairs, scans_of
 from cartoloop.quality.rejected_closures import rejected_places
 from cartoloop.quality.scattered import scattered_places
 from cartoloop.quality.slides import slides
-from cartoloop.quality.verdict import VERDICTS, Quality, Severity
-from cartoloop.quality.visits import compare_visits
+from cartoloop.quality.verdict import VERDICTS, Place, Quality, Severity
+from cartoloop.quality.visit_offsets import displacement_by_scale, offset_places, visit_offsets
+from cartoloop.quality.visits import Visits, compare_visits
 from cartoloop.quality.walls import wall_offsets
 from cartoloop.quality.weak_closures import weak_bundles
 from cartoloop.sensor.scan_points import ScanPoints
@@ -50,9 +53,9 @@ def examine(
     """
     if not config.enabled or content.graph.num_nodes < MIN_NODES or len(content.node_points) == 0:
         return Quality()
-    points = content.node_points
-    scans = points if isinstance(points, ScanPoints) else ScanPoints.of(points)
-    met, seen, consecutive, paths = compare_visits(content, scans, config)
+    scans = scans_of(content)
+    visits = compare_visits(content, scans, config)
+    met, seen, consecutive, paths = visits
     share_of_all = _share(met, seen)
     share = max(_share(met), share_of_all)
     gaps, jumps, tears = (
@@ -64,24 +67,22 @@ def examine(
     blind = _blind(content)
     stands = by_session.standing(content, motion.standing)
     halls = by_session.corridors_of(content, config.max_range, odometry)
+    shifts = shifts_along(met, content, scans, paths)
     found = [
         *contradictions.contradictions(met, share, content, config),
         *contradictions.contradictions(seen, share_of_all, content, config),
-        *contradictions.slide_places(slides(met, content, scans, config), met, content),
         *shifted_places(content, scans),
         *contradictions.breaks(consecutive, content, config),
         *scattered_places(content, scans),
         *mirrored_places(content, odometry),
-        *motion_places.gap_places(_without(gaps, only_clock), content),
+        *motion_places.gap_places(_without(gaps, only_clock), met, shifts, content),
         *clock_jump_places(only_clock, content),
         *motion_places.misfit_places(misfits, met, content),
         *motion_places.jump_places(jumps, met, content),
         *motion_places.tear_places(tears, content),
         *motion_places.blind_places(blind, met, odometry, content, config),
         *motion_places.standing_places(stands, halls, odometry, content),
-        *corridor_places(
-            halls, odometry, weak_places.is_confirmed(met, len(paths)), content, config
-        ),
+        *_displaced_places(visits, shifts, halls, odometry, content, scans, config),
         *rejected_places(content),
         *weak_places.weak_closure_places(weak_bundles(content.graph, paths, MIN_DETOUR_M), content),
         *weak_places.open_ends(met, paths, content, config),
@@ -100,6 +101,35 @@ def examine(
     return Quality(
         VERDICTS[worst], tuple(found), {name: round(value, 4) for name, value in figures.items()}
     )
+
+
+def _displaced_places(
+    visits: Visits,
+    shifts: FloatArray,
+    halls: Corridors,
+    odometry: Mapping[str, Any] | None,
+    content: MappedContent,
+    scans: ScanPoints,
+    config: QualityConfig,
+) -> list[Place]:
+    """Return where the path is, or may be, too long or too short.
+
+    Parameters
+    ----------
+    shifts : by which visits fit better along the path.
+    """
+    met, paths = visits.met, visits.paths
+    by_odometry = measured_by_odometry(halls, odometry, content)
+    displaced = displacement_by_scale(content, by_odometry, odometry)
+    slid = slides(met, content, scans, config, are_here(shifts))
+    nodes = NodeVisits(
+        weak_places.is_visited(met, len(paths)), nodes_here(met, shifts, len(paths)), displaced
+    )
+    return [
+        *contradictions.slide_places(slid, met, content),
+        *corridor_places(halls, odometry, nodes, content, config),
+        *offset_places(met, visit_offsets(met, shifts, displaced, paths), content),
+    ]
 
 
 def _without(events: list[motion.Event], others: list[motion.Event]) -> list[motion.Event]:

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import QualityConfig
+from cartoloop.quality.along_corridors import are_here
 from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion import Event, Standing, usual_change
@@ -18,15 +20,33 @@ from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import MAX_PLACES, at_scan, place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
 
+BRIDGED_M, BRIDGED_SHARE, BRIDGE_AWAY_M = 5.0, 0.8, 5.0
+"""A gap is bridged if later visits agree with submaps of before over so much path [m], if they are
+this share of all that meet them, and if they are so far from it [m]."""
 
-def gap_places(found: list[Event], content: MapContent) -> list[Place]:
-    """Return the places of gaps in the recording."""
+
+MAX_MISSING_M, MEASURED_SHARE = 4.0, 0.5
+"""A gap is made up for if the robot drove farther than its poses by no more than the first [m],
+which the search for loop closures spans, later visits agree with what was seen before, and this
+share of them was measured to agree along the path."""
+
+
+def gap_places(
+    found: list[Event], met: Encounters, shifts: FloatArray, content: MapContent
+) -> list[Place]:
+    """Return the places of gaps in the recording; minor ones where visits made up for them.
+
+    Parameters
+    ----------
+    met : the encounters.
+    shifts : by which they fit better along the path, see :mod:`cartoloop.quality.along_corridors`.
+    """
     return [
         at_scan(
             event,
             content,
             Kind.GAP,
-            Severity.DOUBTFUL,
+            Severity.MINOR if _is_made_up_for(event, met, shifts, content) else Severity.DOUBTFUL,
             f"{event.seconds:.1f} s of the recording are missing while the robot drove: it moved "
             f"some {event.expected:.1f} m by its speed, {event.moved:.1f} m by the scans",
             "map the parts before and after it alone; record without interruption, or stand still "
@@ -36,9 +56,11 @@ def gap_places(found: list[Event], content: MapContent) -> list[Place]:
     ][:MAX_PLACES]
 
 
-BRIDGED_M, BRIDGED_SHARE, BRIDGE_AWAY_M = 5.0, 0.8, 5.0
-"""A gap is bridged if later visits agree with submaps of before over so much path [m], if they are
-this share of all that meet them, and if they are so far from it [m]."""
+def _is_made_up_for(event: Event, met: Encounters, shifts: FloatArray, content: MapContent) -> bool:
+    """Return whether closures have put right what is missing in a gap."""
+    if event.expected - event.moved > MAX_MISSING_M or not _is_bridged(event, met, content):
+        return False
+    return float(np.mean(are_here(shifts[_bridges(event, met, content)]))) >= MEASURED_SHARE
 
 
 def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> list[Place]:
@@ -63,15 +85,21 @@ def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> l
 
 def _is_bridged(event: Event, met: Encounters, content: MapContent) -> bool:
     """Return whether visits after an event agree with what was seen before it."""
+    bridges = _bridges(event, met, content)
+    agrees = float(met.length[bridges & ~met.contradicts].sum())
+    share = agrees / max(float(met.length[bridges].sum()), 1e-9)
+    return agrees >= BRIDGED_M and share >= BRIDGED_SHARE
+
+
+def _bridges(event: Event, met: Encounters, content: MapContent) -> BoolArray:
+    """Return which encounters compare what was seen before and after an event."""
     node = int(np.searchsorted(content.node_scan_index, event.scan))
     first, own = met.pairs.node[met.first], met.pairs.own_node[met.first]
     # At the event itself scans agree with what is seen through it, however wrong it is.
     place = content.trajectory[event.scan, :2]
     away = np.hypot(*(content.graph.node_poses[first, :2] - place).T) > BRIDGE_AWAY_M
-    bridges = ((first >= node) != (own >= node)) & away
-    agrees = float(met.length[bridges & ~met.contradicts].sum())
-    share = agrees / max(float(met.length[bridges].sum()), 1e-9)
-    return agrees >= BRIDGED_M and share >= BRIDGED_SHARE
+    bridges: BoolArray = ((first >= node) != (own >= node)) & away
+    return bridges
 
 
 def jump_places(found: list[Event], met: Encounters, content: MapContent) -> list[Place]:

@@ -11,16 +11,10 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.local_slam.turn_comparison import OPPOSITE_RATIO
-from cartoloop.quality.places import extent
 
 SCALE_ERROR, SCALE_OF_ROTATION = 0.002, 1.6
 """Expected error of a corridor's length, as a share of it: of good odometry, and more for each
 radian of its typical error of a step, by which bad odometry is recognised."""
-
-SCALE_LEFT = 0.6
-"""Share of the displacement by wrong scales that is left where a place is visited again, later
-with the right scale, and by scans that measure a little. On simulated corridors it was 0.2 to
-0.8."""
 
 
 def length_error(length: float, odometry: Mapping[str, Any]) -> float:
@@ -40,37 +34,6 @@ def length_error(length: float, odometry: Mapping[str, Any]) -> float:
     # Nothing known of turns means that there were none.
     rotation_error = float(odometry.get("rotation_error_rad") or 0.0)
     return (SCALE_ERROR + SCALE_OF_ROTATION * rotation_error) * length
-
-
-def scale_error(
-    stamps: FloatArray, places: FloatArray, odometry: Mapping[str, Any], *, is_confirmed: bool
-) -> float:
-    """Return by how much the places of a path are displaced by the scales that were used [m].
-
-    While the scale is learnt, distances that rest on the odometry are wrong by as much as it is
-    off from what it turns out to be in the end. It counts between the two places that are displaced
-    most against each other: errors of both signs may leave the length of the whole path right, and
-    a path back with the same scale displaces nothing further.
-    Where later visits confirm the path, :data:`SCALE_LEFT` of that is left in the finished map.
-
-    Parameters
-    ----------
-    stamps : of the path's nodes, in order, shape (n,), as recorded [s].
-    places : of the nodes, shape (n, 2) [m].
-    odometry : its calibration, as in the report; what was mapped before it began does not count.
-    is_confirmed : whether another visit confirms most of the path.
-    """
-    used, final = odometry.get("scales"), odometry.get("translation_scale")
-    if not used or not final or len(stamps) < 2:
-        return 0.0
-    begins = np.array([float(one["begin"]) for one in used])
-    scales = np.array([float(one["translation_scale"]) for one in used])
-    rows = np.searchsorted(begins, stamps[:-1], side="right") - 1
-    is_known = rows >= 0
-    errors = scales[rows[is_known]] / float(final) - 1.0
-    steps = np.diff(places, axis=0)[is_known] * errors[:, np.newaxis]
-    displaced = np.vstack((np.zeros(2), np.cumsum(steps, axis=0)))
-    return (SCALE_LEFT if is_confirmed else 1.0) * extent(displaced)
 
 
 def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
@@ -112,3 +75,41 @@ def without_odometry(stamps: FloatArray, odometry: Mapping[str, Any] | None) -> 
         end = math.inf if fault["end"] is None else float(fault["end"])
         without |= (stamps >= float(fault["begin"]) - NOTICED_AFTER_S) & (stamps <= end)
     return without
+
+
+SLIP_M, SLIP_SHARE, SLIP_RAD = 0.1, 0.25, 0.1
+"""Wheels slip if the odometry moves by so much more or less than the scans [m], and by this share
+of the distance that these show, and turns as they do [rad]."""
+
+
+def num_slips(odometry: Mapping[str, Any] | None) -> int:
+    """Return how often wheels were seen to slip along the path, and to hold the floor again.
+
+    They may slip elsewhere, too. Between bare walls the scans do not show it: matches follow the
+    odometry there.
+    """
+    return sum(map(_is_slip, (odometry or {}).get("faults", ())))
+
+
+def _is_slip(fault: Mapping[str, Any]) -> bool:
+    if fault["end"] is None:
+        return False
+    matched, turned = float(fault["matched_m"]), float(fault["matched_rad"])
+    missed = abs(float(fault["odometry_m"]) - matched)
+    return (
+        missed > max(SLIP_M, SLIP_SHARE * matched)
+        and abs(float(fault["odometry_rad"]) - turned) < SLIP_RAD
+    )
+
+
+def untrusted_odometry(stamps: FloatArray, odometry: Mapping[str, Any] | None) -> BoolArray:
+    """Return at which stamps no odometry measures lengths: it was not used, or slips.
+
+    Parameters
+    ----------
+    stamps : float64, shape (n,), as recorded [s].
+    odometry : its calibration, as in the report; None without odometry.
+    """
+    if num_slips(odometry):
+        return np.ones(len(stamps), dtype=np.bool_)
+    return without_odometry(stamps, odometry)

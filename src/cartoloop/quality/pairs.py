@@ -139,6 +139,12 @@ class Reach(NamedTuple):
         return np.where(path >= MIN_DETOUR * self.visit, self.visit, self.nearby)
 
 
+def scans_of(content: MapContent) -> ScanPoints:
+    """Return the returns of a map's nodes."""
+    points = content.node_points
+    return points if isinstance(points, ScanPoints) else ScanPoints.of(points)
+
+
 def path_lengths(node_poses: FloatArray) -> FloatArray:
     """Return the length of the path from the first node to each, shape (n,) [m]."""
     steps = np.linalg.norm(np.diff(node_poses[:, :2], axis=0), axis=1)

@@ -48,7 +48,11 @@ if displacements were random by this factor."""
 
 
 def slides(
-    met: Encounters, content: MapContent, scans: ScanPoints, config: QualityConfig
+    met: Encounters,
+    content: MapContent,
+    scans: ScanPoints,
+    config: QualityConfig,
+    is_here: BoolArray,
 ) -> FloatArray:
     """Return by how far encounters fit better along the path, shape (n,) [m]: those that agree.
 
@@ -60,6 +64,8 @@ def slides(
     content : the map.
     scans : the returns of its nodes.
     config : limits.
+    is_here : bool (n,), encounters whose positions along the path were measured more closely, and
+        are right: rows of doors alike fit elsewhere, too.
     """
     found = np.full((len(REACHES_M), len(met)), np.nan)
     if len(met) == 0:
@@ -74,7 +80,7 @@ def slides(
         groups = [
             near_known(_points(met, row, scans, config.max_range), grid) for row in rows.tolist()
         ]
-        directions = np.array([_direction(met, row, content) for row in rows.tolist()])
+        directions = np.array([path_direction(met, row, content) for row in rows.tolist()])
         batch = ScanPoints.of(groups)
         counts = fits_along(grid, batch, directions, shifts)
         for reach, displaced in zip(REACHES_M, found, strict=True):
@@ -82,6 +88,7 @@ def slides(
             displaced[rows] = _displaced(counts[:, tried], batch.counts, shifts[tried])
     places = content.graph.node_poses[met.pairs.node[met.first], :2]
     for reach, share, displaced in zip(REACHES_M, LEAST_SHARES, found, strict=True):
+        displaced[is_here] = 0.0
         same = agreeing(displaced, reach, share)
         if same.any() and _num_here(displaced, places, same) > MOST_HERE * same.sum():
             same[:] = False
@@ -200,8 +207,8 @@ def near_known(points: FloatArray, grid: CellGrid) -> FloatArray:
     return near
 
 
-def _direction(met: Encounters, row: int, content: MapContent) -> FloatArray:
-    """Return the unit vector of the path at an encounter, submap frame."""
+def path_direction(met: Encounters, row: int, content: MapContent) -> FloatArray:
+    """Return the unit vector of the path at an encounter, frame of its submap, shape (2,)."""
     pair = int(met.first[row] + met.end[row] - 1) // 2
     node, theta = int(met.pairs.node[pair]), met.pairs.tf_submap_node[pair, 2]
     poses = content.graph.node_poses

@@ -12,7 +12,7 @@ from cartoloop.config import QualityConfig
 from cartoloop.global_slam.repair import Contradicted, Contradictions
 from cartoloop.quality import by_session
 from cartoloop.quality.encounters import Encounters, encounters
-from cartoloop.quality.pairs import MapContent, Pairs, compared_pairs, path_lengths
+from cartoloop.quality.pairs import MapContent, Pairs, compared_pairs, path_lengths, scans_of
 from cartoloop.quality.verdict import Kind, Quality, Severity
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.scan_points import ScanPoints
@@ -56,9 +56,7 @@ def compare_visits(content: MapContent, scans: ScanPoints, config: QualityConfig
 
 def contradicted_visits(content: MapContent, config: QualityConfig) -> Contradictions:
     """Return the visits of a map that contradict a submap."""
-    points = content.node_points
-    scans = points if isinstance(points, ScanPoints) else ScanPoints.of(points)
-    met, seen, _, paths = compare_visits(content, scans, config)
+    met, seen, _, paths = compare_visits(content, scans_of(content), config)
     visits = [visit for some in (met, seen) for visit in _contradicted(some)]
     length = sum(float(some.length[some.contradicts].sum()) for some in (met, seen))
     return Contradictions(visits, length, paths)

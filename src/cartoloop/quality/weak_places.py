@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality.by_session import APART_M
 from cartoloop.quality.encounters import Encounters
@@ -90,9 +90,19 @@ def open_ends(
 
 def is_confirmed(met: Encounters, num_nodes: int) -> BoolArray:
     """Return which nodes are in an encounter that agrees, or met in one, shape (num_nodes,)."""
-    confirmed = np.zeros(num_nodes, dtype=np.bool_)
-    for row in np.flatnonzero(~met.contradicts).tolist():
+    return _in_encounters(met, np.flatnonzero(~met.contradicts), num_nodes)
+
+
+def is_visited(met: Encounters, num_nodes: int) -> BoolArray:
+    """Return which nodes are in any encounter, or met in one, shape (num_nodes,)."""
+    return _in_encounters(met, np.arange(len(met)), num_nodes)
+
+
+def _in_encounters(met: Encounters, rows: IntArray, num_nodes: int) -> BoolArray:
+    """Return which nodes are in some encounters, or met in one, shape (num_nodes,)."""
+    found = np.zeros(num_nodes, dtype=np.bool_)
+    for row in rows.tolist():
         own = slice(int(met.first[row]), int(met.end[row]))
-        confirmed[met.pairs.node[own]] = True
-        confirmed[met.pairs.own_node[own]] = True
-    return confirmed
+        found[met.pairs.node[own]] = True
+        found[met.pairs.own_node[own]] = True
+    return found
