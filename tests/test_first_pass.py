@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,11 @@ import cartoloop
 from cartoloop.config import Config, LocalSlamConfig
 from cartoloop.errors import Interrupted
 from cartoloop.first_pass import calibrate
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
-from cartoloop.sensor.events import LaserScan
+from cartoloop.sensor.events import LaserScan, Odometry
+from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import OdometryModel, drive, simulate
 from cartoloop.stop_request import StopRequest
 from tests.local_slam.small_world import LIDAR, furnished_room
@@ -60,6 +64,34 @@ def test_the_pass_goes_on_until_the_robot_has_turned(late, monkeypatch):
 
     assert model is not None
     assert model.odometry.knows_rotation
+
+
+class OtherHand:
+    """A recording whose odometry turns to the other side."""
+
+    def __init__(self, log):
+        self.num_scans, self._log = log.num_scans, log
+
+    def __iter__(self):
+        for event in self._log:
+            if isinstance(event, Odometry):
+                x, y, theta = event.tf_odom_tracking
+                yield replace(event, tf_odom_tracking=Pose(x, -y, -theta))
+            else:
+                yield event
+
+
+def test_odometry_of_the_other_hand_is_known_from_the_start(late):
+    model = calibrate(OtherHand(late), Config(), StopRequest())
+
+    assert model is not None
+    assert model.odometry_is_mirrored
+    assert SensorCalibration.from_dict(model.to_dict()) == model
+    mapper = Mapper(calibration=model)
+    for event, _ in zip(OtherHand(late), range(20), strict=False):
+        mapper.add(event)
+    mapper.close()
+    assert mapper.calibration.odometry_is_mirrored
 
 
 def test_odometry_that_is_not_used_is_not_learnt(late):

@@ -92,7 +92,9 @@ def bench_robustness(
     seeds: Annotated[
         int, typer.Option(min=0, help="Largest number of seeds; 0: as many as the tables say.")
     ] = 0,
-    first_seed: Annotated[int, typer.Option(min=0, help="First seed of the worlds.")] = 0,
+    first_seed: Annotated[
+        int, typer.Option(min=0, help="First seed of worlds and of random changes.")
+    ] = 0,
     again: Annotated[
         bool, typer.Option("--again", help="Make runs again that this commit has made.")
     ] = False,

@@ -18,8 +18,6 @@ from bench.robustness.carmen_text import CarmenText, read_carmen, write_carmen
 from bench.robustness.log_changes import (
     Apply,
     blocked,
-    cheap_robot,
-    combined,
     drifting,
     drop_every,
     end,
@@ -28,7 +26,6 @@ from bench.robustness.log_changes import (
     jittering_odometry,
     longer,
     longer_ranges,
-    lossy_robot,
     lost_scans,
     mirror,
     missing,
@@ -37,6 +34,7 @@ from bench.robustness.log_changes import (
     noise,
     noise_share,
     odometry_steps,
+    one_scan_in,
     outliers,
     pauses,
     reverse_beams,
@@ -48,13 +46,42 @@ from bench.robustness.log_changes import (
     thinned,
     twice,
 )
+from bench.robustness.odometry_changes import (
+    coarse_odometry,
+    drifting_clock,
+    left_handed,
+    no_motion,
+    restarted,
+    second_half,
+    skidding_turns,
+    turning_in_bursts,
+    turning_more,
+)
 from bench.robustness.people import people
+from bench.robustness.scanner_changes import (
+    biased,
+    bumps,
+    mounted,
+    narrow,
+    own_parts,
+    rounded,
+    wider_fan,
+    zero_for_none,
+)
+from bench.robustness.several_changes import (
+    both,
+    cheap_robot,
+    combined,
+    depth_camera,
+    lossy_robot,
+)
 from bench.robustness.stamp_changes import (
     NewTimes,
     late_at_random,
     late_in_bursts,
     played_backwards,
     renamed,
+    rounded_stamps,
     with_new_times,
 )
 from cartoloop.arrays import FloatArray
@@ -95,6 +122,8 @@ UNCHANGED: Final = "unchanged"
 
 NOISE_SEEDS = 5
 """Seeds of random changes."""
+
+NO_ODOMETRY: Final = ("local_slam.use_odometry=false",)
 
 CHANGES: Final = {
     change.name: change
@@ -145,7 +174,44 @@ CHANGES: Final = {
         Change("cheap", cheap_robot, seeds=2),
         Change("lossy", lossy_robot, seeds=3),
         Change("combined", combined, seeds=NOISE_SEEDS),
-        Change("no-odometry", settings=("local_slam.use_odometry=false",)),
+        Change("no-odometry", settings=NO_ODOMETRY),
+        Change("view120", narrow(math.radians(120.0))),
+        Change("view90", narrow(math.radians(90.0))),
+        Change("third", one_scan_in(3)),
+        Change("range5", short_sighted(5.0)),
+        Change("rounded5cm", rounded(0.05)),
+        Change("bias3cm", biased(0.03)),
+        Change("own-parts", own_parts(0.06)),
+        Change("bumps", bumps(0.05, 1.0, 4.0), seeds=2),
+        Change("zeros", zero_for_none),
+        Change("rear", mounted(0.0, 0.0, math.pi)),
+        Change("ahead30", mounted(0.3, 0.0, 0.0)),
+        Change("aside20", mounted(-0.1, 0.2, 0.0)),
+        Change("yaw5", mounted(0.1, 0.0, math.radians(5.0))),
+        Change("turns110", odometry_steps(turning_more(0.1))),
+        Change("turns090", odometry_steps(turning_more(-0.1))),
+        Change("skid", skidding_turns(0.4, 5.0), seeds=2),
+        Change("coarse", coarse_odometry(0.01, math.radians(1.0), 0.5)),
+        Change("yaw-bursts", turning_in_bursts(math.radians(1.0), 0.2, 10.0), seeds=2),
+        Change("clock-drift", drifting_clock(1e-4)),
+        Change("seconds", new_times=rounded_stamps),
+        Change("second-half", second_half),
+        Change("restart", restarted(5.0)),
+        Change("mirror-backwards", mirror, is_mirrored=True, new_times=played_backwards),
+        Change("backwards-clock", newer_odometry(-0.4), new_times=played_backwards),
+        Change("start60-no-odometry", start(60.0), settings=NO_ODOMETRY),
+        Change("third-no-odometry", one_scan_in(3), settings=NO_ODOMETRY),
+        Change("range8-no-odometry", short_sighted(8.0), settings=NO_ODOMETRY),
+        Change("noise2cm-third", both(noise(0.02), one_scan_in(3)), seeds=2),
+        Change(
+            "view120-jitter", both(narrow(math.radians(120.0)), jittering_odometry(0.1)), seeds=2
+        ),
+        Change("fan101", wider_fan(0.01)),
+        Change("zero-odometry", no_motion),
+        Change("left-handed", left_handed),
+        Change("depth-camera", depth_camera, seeds=2),
+        Change("view120-no-odometry", narrow(math.radians(120.0)), settings=NO_ODOMETRY),
+        Change("range8-turns110", both(short_sighted(8.0), odometry_steps(turning_more(0.1)))),
     )
 }
 """All changes by name: first those of the issue that this benchmark comes from, then others."""

@@ -32,6 +32,16 @@ def drop_every(count: int) -> Apply:
     return apply
 
 
+def one_scan_in(count: int) -> Apply:
+    """Return the change that keeps every n-th scan; odometry alone is left."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        is_scan = log.is_scan
+        log.keep(~is_scan | (np.cumsum(is_scan) % count == 0))
+
+    return apply
+
+
 def sparse(spacing: float, turn: float) -> Apply:
     """Return the change that leaves a scan after each length [m] or turn [rad] of the odometry."""
 
@@ -258,7 +268,7 @@ def newer_odometry(seconds: float) -> Apply:
     """Return the change that takes the odometry from a later time [s]."""
 
     def apply(log: CarmenText, _: Rng) -> None:
-        log.poses = _odometry_at(log, log.times + seconds)
+        log.poses = odometry_at(log, log.times + seconds)
 
     return apply
 
@@ -267,12 +277,12 @@ def jittering_odometry(sigma: float) -> Apply:
     """Return the change that takes the odometry from times with normal errors [s]."""
 
     def apply(log: CarmenText, rng: Rng) -> None:
-        log.poses = _odometry_at(log, log.times + rng.normal(0.0, sigma, len(log.poses)))
+        log.poses = odometry_at(log, log.times + rng.normal(0.0, sigma, len(log.poses)))
 
     return apply
 
 
-def _odometry_at(log: CarmenText, times: FloatArray) -> FloatArray:
+def odometry_at(log: CarmenText, times: FloatArray) -> FloatArray:
     """Return the odometry at some times, interpolated, shape (n, 3)."""
     known = log.times + np.arange(len(log.poses)) * 1e-7  # so that all differ
     columns = (log.poses[:, 0], log.poses[:, 1], np.unwrap(log.poses[:, 2]))
@@ -312,18 +322,6 @@ def short_sighted(reach: float) -> Apply:
                 ranges[ranges > reach] = no_return
 
     return apply
-
-
-def cheap_robot(log: CarmenText, rng: Rng) -> None:
-    """Make the recording one of a robot with noisy wheels and a scanner that reaches 8 m."""
-    noisy_odometry(0.1, math.radians(3.0))(log, rng)
-    short_sighted(8.0)(log, rng)
-
-
-def lossy_robot(log: CarmenText, rng: Rng) -> None:
-    """Make the recording one of a robot with noisy wheels, from which scans were lost."""
-    noisy_odometry(0.1, math.radians(3.0))(log, rng)
-    lost_scans(0.05, 4.0)(log, rng)
 
 
 def thinned(every: int) -> Apply:
@@ -389,22 +387,3 @@ def outliers(share: float) -> Apply:
                 ranges[is_wrong] = rng.uniform(0.2, 8.0, int(is_wrong.sum()))
 
     return apply
-
-
-def combined(log: CarmenText, rng: Rng) -> None:
-    """Make two to four changes at once, each by as much as a random number says."""
-    draw = rng.uniform
-    makers: list[Callable[[], Apply]] = [
-        lambda: start(draw(0.0, 0.15) * float(log.times[-1] - log.times[0])),
-        lambda: noise(draw(0.005, 0.02)),
-        lambda: odometry_steps(longer(draw(-0.06, 0.06))),
-        lambda: odometry_steps(drifting(math.radians(draw(-0.7, 0.7)))),
-        lambda: newer_odometry(draw(-0.3, 0.3)),
-        lambda: drop_every(int(rng.integers(2, 5))),
-        lambda: missing(draw(0.02, 0.15)),
-        lambda: blocked(draw(0.0, 0.85), 0.12),
-        lambda: outliers(draw(0.005, 0.03)),
-    ]
-    count = int(rng.integers(2, 5))
-    for index in sorted(rng.choice(len(makers), count, replace=False).tolist()):
-        makers[index]()(log, rng)

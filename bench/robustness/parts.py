@@ -89,7 +89,7 @@ class RobustnessOptions:
     parts : some of :data:`PARTS`.
     changes, worlds : by name; all if empty.
     seeds : largest number of seeds of a world or a change; 0: as many as the tables say.
-    first_seed : of the worlds.
+    first_seed : of the worlds, and of random changes.
     again : whether runs of this commit are made again.
     relations : folder with NAME.relations of recordings, in the place of their own map's.
     keep : whether logs and maps are kept of runs that are right, too.
@@ -168,9 +168,10 @@ class Runner:
         for change_name in wanted:
             change = CHANGES[change_name]
             if change_name != UNCHANGED:
+                first_seed = self._options.first_seed if change.seeds > 1 else 0
                 for seed in range(self._options.count(change.seeds)):
                     try:
-                        yield self._changed(name, change, seed, first)
+                        yield self._changed(name, change, first_seed + seed, first)
                     except NothingLeft as error:
                         self._progress(f"not applied: {error}")
 

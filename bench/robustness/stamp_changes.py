@@ -16,6 +16,9 @@ NewTimes = Callable[[FloatArray, np.random.Generator], FloatArray]
 BURST_STEP_S = 0.0005
 """Time between the stamps of messages that arrive together [s]."""
 
+WHOLE_STEP_S = 1e-3
+"""Time between stamps of the same second [s]."""
+
 LEAST_STEP_S = 1e-5
 """Least time between two stamps [s]."""
 
@@ -60,6 +63,15 @@ def late_at_random(mean: float) -> NewTimes:
         return _in_order(times + rng.exponential(mean, len(times)))
 
     return new_times
+
+
+def rounded_stamps(times: FloatArray, _: np.random.Generator) -> FloatArray:
+    """Return times in whole seconds; those of a second are a millisecond apart: they name scans."""
+    seconds = np.floor(times)
+    begins, counts = np.unique(seconds, return_index=True, return_counts=True)[1:]
+    within = np.arange(len(times)) - np.repeat(begins, counts)
+    rounded: FloatArray = seconds + WHOLE_STEP_S * within
+    return rounded
 
 
 def _in_order(times: FloatArray) -> FloatArray:

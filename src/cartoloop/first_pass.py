@@ -90,6 +90,7 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
     found = mapper.calibration
     odometry, is_doubtful = found.odometry, found.odometry_score >= DOUBTFUL
     is_known = odometry.knows_rotation or odometry.knows_scale or found.odometry_held_s > 0.0
+    is_doubtful |= found.odometry_is_mirrored
     if is_known or is_doubtful or any(found.scanner_offsets.values()):
         return found
     return None

@@ -13,7 +13,7 @@ from cartoloop.local_slam.odometry_trust import OdometryTrust
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.local_slam.scanner import Scanner
-from cartoloop.local_slam.slip import slip_began
+from cartoloop.local_slam.slip import since_slip, slip_began
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
 from cartoloop.sensor.range_noise import Noise
@@ -42,11 +42,26 @@ def driven(speeds):
     return extrapolator, distance, PERIOD * len(speeds)
 
 
+def timed(speeds):
+    """Return poses along the corridor, half a second apart, that show the speeds."""
+    distances = PERIOD * np.cumsum([0.0, *speeds])
+    return [(PERIOD * k, at(float(one))) for k, one in enumerate(distances)]
+
+
 def test_a_slip_begins_where_the_speed_changes():
-    distances = np.cumsum([0.0, 0.5, 0.5, 0.5, 0.9, 0.9, 0.9])
-    poses = [(PERIOD * k, at(float(one))) for k, one in enumerate(distances)]
-    assert slip_began(poses, ALONG, 0.25) == 3 * PERIOD
-    assert slip_began(poses, ALONG, 2.0) == 0.0
+    assert slip_began(timed([1.0, 1.0, 1.0, 0.2, 0.2, 0.2]), ALONG, 0.8) == 3 * PERIOD
+    assert slip_began(timed([1.0, 1.0, 0.6, 0.2, 0.2]), ALONG, 0.8) == 3 * PERIOD
+    assert slip_began(timed([-1.0, -1.0, -1.8, -1.8]), ALONG, 0.8) == 2 * PERIOD
+
+
+@pytest.mark.parametrize("speeds", [[0.1] * 40, [0.0, *[0.1] * 30], [0.4, *[0.1] * 30]])
+def test_slip_of_a_slow_robot_is_not_made_up_for(speeds):
+    """A person who walks by seems to show that a robot which drives slowly is fast."""
+    poses = timed(speeds)
+    time, matched = poses[-1]
+    assert slip_began(poses, ALONG, 0.6) == time
+    shown = compose(matched, Pose(0.3, 0.0, 0.0))
+    assert since_slip(poses, shown, tuple((0.6 * ALONG).tolist())) == shown
 
 
 @pytest.mark.parametrize("share", [0.1, 1.8])

@@ -85,3 +85,33 @@ def test_odometry_that_turns_to_the_other_side_is_not_trusted(sign, is_trusted):
 
     assert motion.is_trusted is is_trusted
     assert motion.summary()["turn_ratio"] == pytest.approx(sign, abs=0.1)
+
+
+def on_a_circle(motion, sign, steps):
+    """Add odometry and poses of a robot on a circle, also the odometry of one scan more."""
+    for step in range(steps):
+        time, heading = 0.2 * step, 0.1 * step
+        x, y = math.sin(heading), 1.0 - math.cos(heading)
+        motion.add(time, Pose(x, sign * y, sign * wrap_angle(heading)))
+        if step + 1 < steps:
+            pose = Pose(x, y, wrap_angle(heading))
+            motion.add_pose(time, pose, 0, "laser", is_matched=True)
+    return 0.2 * (steps - 2), 0.2 * (steps - 1)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_mirrored_odometry_predicts_nothing(sign):
+    motion = OdometryMotion()
+    span = on_a_circle(motion, sign, 100)
+    assert (motion.step(*span) is None) is (sign < 0.0)
+    assert (motion.doubtful_step(*span) is None) is (sign < 0.0)
+    assert bool(motion.steps_over_gap(*span)) is (sign > 0.0)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_earlier_pass_knows_that_odometry_is_mirrored(sign):
+    """The turns of this pass decide once they are enough: it may have other settings."""
+    motion = OdometryMotion(is_mirrored=True)
+    assert motion.step(*on_a_circle(motion, sign, 20)) is None
+    motion = OdometryMotion(is_mirrored=True)
+    assert (motion.step(*on_a_circle(motion, sign, 100)) is None) is (sign < 0.0)

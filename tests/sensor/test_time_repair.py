@@ -109,6 +109,23 @@ def test_stamps_that_are_often_late_follow_the_mean_rate():
     assert np.ptp(times - true) < 0.1
 
 
+@pytest.mark.parametrize("step", [1e-4, 1e-3, 8e-3])
+def test_stamps_of_batches_follow_the_mean_rate(step):
+    true = 0.2 * np.arange(1000) + 0.05
+    batch = np.floor(true)
+    stamps = batch + step * (np.arange(1000) - np.searchsorted(batch, batch))
+    times, report = repair_times(stamps)
+    assert report.num_late > 700
+    assert np.ptp(times - true) < 0.1
+    assert np.diff(times) == pytest.approx(np.full(999, 0.2), rel=0.1)
+
+
+def test_fast_messages_with_long_pauses_are_no_batches():
+    steps = np.where(np.arange(2000) % 100 == 99, 0.3, 0.01)
+    stamps = np.cumsum(steps)
+    assert repair_times(stamps)[0].tolist() == stamps.tolist()
+
+
 def test_bursty_stretches_keep_the_gap_between_them():
     rng = np.random.default_rng(4)
     true = 0.2 * np.arange(2000) + 36000.0 * (np.arange(2000) >= 1200)

@@ -104,7 +104,11 @@ class LocalSlam:
         """What is known about the sensors by now."""
         odometry = self.extrapolator.odometry
         return SensorCalibration(
-            odometry.model, self._clocks.offsets, odometry.score, odometry.held_s
+            odometry.model,
+            self._clocks.offsets,
+            odometry.score,
+            odometry.held_s,
+            odometry.is_mirrored,
         )
 
     def summary(self) -> dict[str, Any]:

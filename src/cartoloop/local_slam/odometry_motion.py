@@ -21,7 +21,7 @@ from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTra
 from cartoloop.local_slam.odometry_trust import OdometryFault, OdometryTrust, differ, follows
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import isotropic_information
-from cartoloop.local_slam.turn_comparison import TurnComparison
+from cartoloop.local_slam.turn_comparison import TurnsByScanner
 from cartoloop.sensor.pose import IDENTITY, Pose, relative
 
 STOOD_M, STOOD_RAD = 0.2, 0.1
@@ -54,17 +54,23 @@ class OdometryMotion:
     model : what is known about it before; by default nothing.
     score : largest score against its predictions in an earlier pass.
     held_s : how long its readings are held, by an earlier pass; 0 if they are not [s].
+    is_mirrored : whether it turned to the other side than the scans in an earlier pass.
     """
 
     def __init__(
-        self, model: OdometryParameters | None = None, score: float = 0.0, held_s: float = 0.0
+        self,
+        model: OdometryParameters | None = None,
+        score: float = 0.0,
+        held_s: float = 0.0,
+        *,
+        is_mirrored: bool = False,
     ) -> None:
         self._known_before = model, score
         self._is_held = held_s > 0.0
         self._track = OdometryTrack(held_s)
         self._calibration = OdometryCalibration(model)
         self._trust = OdometryTrust(score)
-        self._turns: dict[str, TurnComparison] = {}
+        self._turns = TurnsByScanner(were_opposite=is_mirrored)
         self._pauses = OdometryPauses()
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
@@ -101,14 +107,18 @@ class OdometryMotion:
 
     @property
     def is_stale(self) -> bool:
-        """Whether it repeats an old reading while the scans move, or jumps all the time."""
-        return self._is_stale or self._misses_motion or self._track.jumps_often
+        """Whether it repeats an old reading while the scans move, jumps often, or is mirrored."""
+        return self._is_stale or self._misses_motion or self._track.jumps_often or self.is_mirrored
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether it turns to the other side than the scans, as far as is known by now."""
+        return self._turns.are_opposite
 
     @property
     def shows_motion(self) -> bool:
-        """Whether there is odometry that moves when the scans do, and turns the same way."""
-        is_mirrored = any(turns.are_opposite for turns in self._turns.values())
-        return self.has_readings and not (self.is_stale or is_mirrored)
+        """Whether there is odometry that moves when the scans do, and turns to the same side."""
+        return self.has_readings and not self.is_stale
 
     @property
     def is_trusted(self) -> bool:
@@ -133,8 +143,7 @@ class OdometryMotion:
                 for begin, scale in self._calibration.scales
             ],
         }
-        ratios = [turns.ratio for turns in self._turns.values() if turns.ratio is not None]
-        return self.model.summary() | track | {"turn_ratio": min(ratios, default=None)}
+        return self.model.summary() | track | {"turn_ratio": self._turns.ratio}
 
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
         """Add a reading."""
@@ -176,8 +185,7 @@ class OdometryMotion:
         self._pauses.add(time, self._track)
         self._calibration.add(time, pose, self._track, num_faulty, scanner, is_matched=is_matched)
         reported = self._track.at(time - self.model.time_offset)
-        turns = self._turns.setdefault(scanner, TurnComparison())
-        turns.add(pose.theta, None if reported is None else reported.theta)
+        self._turns.add(scanner, pose.theta, None if reported is None else reported.theta)
 
     def add_distance(self, distance: MeasuredDistance) -> None:
         """Add a distance between two scans that these alone measure."""
@@ -336,14 +344,15 @@ class OdometryMotion:
         Across a gap between scans it is better than what nothing measures.
         """
         step = self.measured_step(begin, end)
-        return None if self.is_stale and step == IDENTITY else step
+        return None if self.is_mirrored or (self.is_stale and step == IDENTITY) else step
 
     def measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that it measured between two times, or None."""
         model = self.model
         key = begin, end, self._track.revision, model
         # The prediction of a scan and its comparison with the match ask for the same step.
-        if self._step_key is not None and _same(key, self._step_key):
+        known = self._step_key
+        if known is not None and key[:3] == known[:3] and model is known[3]:
             return self._step
         begin, end = begin - model.time_offset, end - model.time_offset
         begin = self._track.known_from(begin, end)
@@ -375,6 +384,8 @@ class OdometryMotion:
         or older than their stamps. So each of those around one time is taken with each of those
         around the other.
         """
+        if self.is_mirrored:
+            return []
         model = self.model
         begin, end = begin - model.time_offset, end - model.time_offset
         reach = min(BUFFERED_S, 0.5 * (end - begin))
@@ -386,7 +397,3 @@ class OdometryMotion:
 
 
 _StepKey = tuple[float, float, int, OdometryParameters]
-
-
-def _same(key: _StepKey, other: _StepKey) -> bool:
-    return key[:3] == other[:3] and key[3] is other[3]

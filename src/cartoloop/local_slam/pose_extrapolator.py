@@ -58,7 +58,10 @@ class PoseExtrapolator:
         self.odometry = OdometryMotion()
         if known is not None:
             self.odometry = OdometryMotion(
-                known.odometry, known.odometry_score, known.odometry_held_s
+                known.odometry,
+                known.odometry_score,
+                known.odometry_held_s,
+                is_mirrored=known.odometry_is_mirrored,
             )
         self.gyroscope = Gyroscope(config.imu_gravity_time_constant)
         # begin and motion of the last step by odometry

@@ -19,12 +19,14 @@ class SensorCalibration(NamedTuple):
         with the same stamps [s]; 0 for the first.
     odometry_score : the largest score against the odometry's predictions so far.
     odometry_held_s : how long the odometry's readings are held [s]; 0 if they are not.
+    odometry_is_mirrored : whether the odometry turns to the other side than the scans.
     """
 
     odometry: OdometryParameters
     scanner_offsets: Mapping[str, float]
     odometry_score: float = 0.0
     odometry_held_s: float = 0.0
+    odometry_is_mirrored: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values of JSON, None for what is not known."""
@@ -33,6 +35,7 @@ class SensorCalibration(NamedTuple):
             "scanner_offsets": dict(self.scanner_offsets),
             "odometry_score": self.odometry_score,
             "odometry_held_s": self.odometry_held_s,
+            "odometry_is_mirrored": self.odometry_is_mirrored,
         }
 
     @classmethod
@@ -50,4 +53,5 @@ class SensorCalibration(NamedTuple):
             {str(name): float(offset) for name, offset in offsets.items()},
             float(content.get("odometry_score", 0.0)),
             float(content.get("odometry_held_s", 0.0)),
+            bool(content.get("odometry_is_mirrored", False)),
         )

@@ -19,6 +19,10 @@ SLIP_SHARE = 0.3
 """Steps are of the same slip as the last one while their speed differs by less than this share of
 what that has missed."""
 
+OWN_SHARE, OWN_STEPS = 0.6, 2
+"""A slip began if one of the steps before, the second number of them, was faster by at least the
+first share of what is missed now. There are two, since it may begin within a step."""
+
 
 def since_slip(
     poses: Sequence[tuple[float, Pose]], shown: Pose, missed_velocity: tuple[float, float]
@@ -38,30 +42,32 @@ def since_slip(
     if len(poses) < 2 or float(made_up @ missed) <= 0.0:
         return shown
     along = missed / speed
-    total = (time - slip_began(poses, along, SLIP_SHARE * speed)) * speed
+    total = (time - slip_began(poses, along, speed)) * speed
     if total <= float(made_up @ along):
         return shown
     return Pose(matched.x + total * along[0], matched.y + total * along[1], shown.theta)
 
 
-def slip_began(poses: Sequence[tuple[float, Pose]], along: FloatArray, most: float) -> float:
-    """Return since when a robot moves as in its last step [s].
+def slip_began(poses: Sequence[tuple[float, Pose]], along: FloatArray, missed: float) -> float:
+    """Return since when wheels slip as in the last step [s]; its own time if that is not known.
+
+    Before, matches showed the robot's own speed. Where it did not change by what is missed now, the
+    robot was slow, and nothing shows for how long the wheels have slipped.
 
     Parameters
     ----------
     poses : with times [s], two or more.
     along : float64, shape (2,), the direction that counts, a unit vector.
-    most : difference of the velocity from that in the last step [m/s].
+    missed : speed that the odometry misses in that direction [m/s], positive.
     """
-    begin, last = poses[-1][0], math.nan
-    for (start, before), (end, after) in zip(poses[-2::-1], poses[:0:-1], strict=True):
-        moved = along[0] * (after.x - before.x) + along[1] * (after.y - before.y)
-        velocity = moved / max(end - start, 1e-9)
-        last = velocity if math.isnan(last) else last
-        if abs(velocity - last) > most:
-            break
-        begin = start
-    return begin
+    times = np.array([time for time, _ in poses])
+    places = np.array([(pose.x, pose.y) for _, pose in poses]) @ along
+    velocities = np.diff(places) / np.maximum(np.diff(times), 1e-9)
+    more = velocities - velocities[-1]
+    differs = np.flatnonzero(np.abs(more) > SLIP_SHARE * missed)
+    begin = int(differs[-1]) + 1 if len(differs) else 0
+    is_known = (more[max(begin - OWN_STEPS, 0) : begin] >= OWN_SHARE * missed).any()
+    return float(times[begin if is_known else -1])
 
 
 def own_velocity(

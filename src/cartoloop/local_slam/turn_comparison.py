@@ -54,3 +54,33 @@ class TurnComparison:
     def ratio(self) -> float | None:
         """Reported turns over matched ones: about 1, or -1 if either is mirrored; None: unknown."""
         return self._product / self._square if self._total >= ENOUGH_RAD else None
+
+
+class TurnsByScanner:
+    """Compares the turns of each scanner's scans with those of the odometry.
+
+    Parameters
+    ----------
+    were_opposite : whether they turned to different sides in an earlier pass.
+    """
+
+    def __init__(self, *, were_opposite: bool = False) -> None:
+        self._were_opposite = were_opposite
+        self._scanners: dict[str, TurnComparison] = {}
+
+    def add(self, scanner: str, matched: float, reported: float | None) -> None:
+        """Add the headings of a scan, see :meth:`TurnComparison.add`."""
+        self._scanners.setdefault(scanner, TurnComparison()).add(matched, reported)
+
+    @property
+    def are_opposite(self) -> bool:
+        """Whether those of any scanner are; as in the earlier pass until something is known."""
+        if self.ratio is None:
+            return self._were_opposite
+        return any(turns.are_opposite for turns in self._scanners.values())
+
+    @property
+    def ratio(self) -> float | None:
+        """The smallest ratio, see :attr:`TurnComparison.ratio`; None if none is known."""
+        ratios = (turns.ratio for turns in self._scanners.values())
+        return min((ratio for ratio in ratios if ratio is not None), default=None)

@@ -13,6 +13,10 @@ DELAY_STEPS, BURST_SHARE = 2.0, 0.25
 """A step longer than the first number of usual ones is a delay if steps follow that are shorter
 than the second share of a usual one."""
 
+BATCH_STEP = 0.02
+"""Stamps that are usually closer together than this [s], and than `BURST_SHARE` of the mean step
+between their batches, were given where messages are fetched now and then, many at once."""
+
 REGULAR, REGULAR_SHARE = 0.5, 0.4
 """Of stamps of regular messages, at least the second share of the steps deviates by less than the
 first share from the usual one: others are of scans that were recorded after some distance each."""
@@ -29,10 +33,9 @@ def late_bursts(stamps: FloatArray) -> list[tuple[int, int]]:
     stamps : float64, shape (n,) [s].
     """
     steps = np.diff(stamps)
-    forwards = steps[steps > 0.0]
-    if len(forwards) == 0:
+    usual = _usual_step(steps)
+    if usual == 0.0:
         return []
-    usual = float(np.median(forwards))
     is_short = (steps >= 0.0) & (steps < BURST_SHARE * usual)
     ends = np.append(np.flatnonzero(~is_short), len(steps))  # the steps that end a burst
     found = []
@@ -41,6 +44,20 @@ def late_bursts(stamps: FloatArray) -> list[tuple[int, int]]:
         if last > delay + 1:
             found.append((delay + 1, last))
     return found
+
+
+def _usual_step(steps: FloatArray) -> float:
+    """Return the usual step between messages [s], also where most of them come in batches; or 0."""
+    forwards = steps[steps > 0.0]
+    if len(forwards) == 0:
+        return 0.0
+    usual = float(np.median(forwards))
+    between = forwards[forwards >= BATCH_STEP]
+    if usual < BATCH_STEP and len(between):
+        mean = float(np.median(between)) * len(between) / len(steps)
+        if usual < BURST_SHARE * mean:
+            return mean
+    return usual
 
 
 def spread_late(stamps: FloatArray) -> FloatArray:
@@ -54,7 +71,7 @@ def spread_late(stamps: FloatArray) -> FloatArray:
     if not bursts:
         return times
     steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0.0]))
+    usual = _usual_step(steps)
     if np.mean(np.abs(steps - usual) < REGULAR * usual) < REGULAR_SHARE:
         return times
     for first, last in bursts:
