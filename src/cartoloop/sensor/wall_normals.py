@@ -45,17 +45,17 @@ def chord_ratio(points: FloatArray, max_range: float) -> float:
     """
     returns = _in_order(points, max_range)
     count = len(returns)
+    is_joined = np.hypot(*np.diff(returns, axis=0).T) < MAX_GAP_M
     ends = np.zeros(count, dtype=np.int64)
-    is_open = np.ones(count, dtype=np.bool_)  # no end yet, and no gap on the way to it
+    begins = np.arange(count)  # of chords without an end yet, and without a gap
     for reach in range(1, min(MAX_CHORD_RETURNS, count)):
-        begin, end = returns[: count - reach], returns[reach:]
-        gaps = np.hypot(*(end - returns[reach - 1 : count - 1]).T)
-        is_open[count - reach :] = False
-        is_open[: count - reach] &= gaps < MAX_GAP_M
-        is_long = np.hypot(*(end - begin).T) >= CHORD_M
-        found = np.flatnonzero(is_open[: count - reach] & is_long)
-        ends[found] = found + reach
-        is_open[found] = False
+        begins = begins[begins < count - reach]
+        begins = begins[is_joined[begins + reach - 1]]
+        is_long = np.hypot(*(returns[begins + reach] - returns[begins]).T) >= CHORD_M
+        ends[begins[is_long]] = begins[is_long] + reach
+        begins = begins[~is_long]
+        if len(begins) == 0:
+            break
     begins = np.flatnonzero(ends)
     chords = returns[ends[begins]] - returns[begins]
     return _ratio(chords, np.hypot(chords[:, 0], chords[:, 1]))
