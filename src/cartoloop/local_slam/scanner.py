@@ -28,6 +28,7 @@ from cartoloop.local_slam.scan_matcher import ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.events import LaserScan, PointCloud
+from cartoloop.sensor.median import quantile
 from cartoloop.sensor.range_noise import NO_NOISE, Noise
 from cartoloop.sensor.wall_normals import normal_ratio
 
@@ -60,11 +61,11 @@ class Scanner:
     noise: Noise = NO_NOISE
     recent: deque[SeenScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
 
-    def noise_of(self, returns: FloatArray, quantile: float) -> float:
+    def noise_of(self, returns: FloatArray, share: float) -> float:
         """Return the noise at a quantile of the ranges of returns, shape (n, 2) [m]; 0 if small."""
         if self.noise == NO_NOISE or not len(returns):
             return 0.0
-        typical = float(np.quantile(np.hypot(*returns.T), quantile))
+        typical = quantile(np.hypot(returns[:, 0], returns[:, 1]), share)
         return math.hypot(self.noise.constant, self.noise.share * typical)
 
     def change_since(self, time: float) -> float:
