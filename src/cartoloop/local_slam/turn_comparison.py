@@ -62,22 +62,21 @@ class TurnsByScanner:
     Parameters
     ----------
     were_opposite : whether they turned to different sides in an earlier pass.
+
+    Attributes
+    ----------
+    are_opposite : whether those of any scanner do; as in the earlier pass until something is known.
     """
 
     def __init__(self, *, were_opposite: bool = False) -> None:
-        self._were_opposite = were_opposite
+        self.are_opposite = were_opposite
         self._scanners: dict[str, TurnComparison] = {}
 
     def add(self, scanner: str, matched: float, reported: float | None) -> None:
         """Add the headings of a scan, see :meth:`TurnComparison.add`."""
         self._scanners.setdefault(scanner, TurnComparison()).add(matched, reported)
-
-    @property
-    def are_opposite(self) -> bool:
-        """Whether those of any scanner are; as in the earlier pass until something is known."""
-        if self.ratio is None:
-            return self._were_opposite
-        return any(turns.are_opposite for turns in self._scanners.values())
+        if self.ratio is not None:
+            self.are_opposite = any(turns.are_opposite for turns in self._scanners.values())
 
     @property
     def ratio(self) -> float | None:
