@@ -142,7 +142,7 @@ def places_found(reported, sigma=0.01, cupboards=CUPBOARDS, **known):
 def test_a_noisy_scanner_shows_that_wheels_slip():
     """Noise determines the match, so that it is not known to follow the wheels."""
     assert not any(places_found(0.15, sigma=0.03, match_ratio=0.07))
-    found = places_found(0.15, sigma=0.03, match_ratio=0.07, noise=0.03)
+    found = places_found(0.15, sigma=0.03, match_ratio=0.07, noise=lambda: 0.03)
     assert found[-1].x - found[-2].x == pytest.approx(0.5, abs=0.1)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from cartoloop.arrays import FloatArray
@@ -315,7 +316,7 @@ class LocalSlam:
                 pose,
                 data.tf_tracking_sensor,
                 data.returns,
-                scanner.noise_of(data.returns, NEAR_QUANTILE),
+                partial(scanner.noise_of, data.returns, NEAR_QUANTILE),
             )
         if distance is not None:
             self.extrapolator.odometry.add_distance(distance)
@@ -340,7 +341,7 @@ class LocalSlam:
                     by_odometry=prediction.by_odometry,
                     stands=prediction.stands,
                     match_ratio=degenerate_direction(match.match)[0],
-                    noise=scanner.noise_of(returns, FAR_QUANTILE),
+                    noise=partial(scanner.noise_of, returns, FAR_QUANTILE),
                 )
 
         return self._recorded.wall_step(wall_step, compute)

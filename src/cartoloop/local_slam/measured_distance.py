@@ -9,6 +9,7 @@ assumed of it. So two scans a metre apart are compared with each other, at all d
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.kernels.outline_shift import add_shift_costs
 from cartoloop.local_slam.outline import Outline, outline_of
 from cartoloop.sensor.pose import Pose, compose, inverse, relative
+from cartoloop.sensor.range_noise import no_noise
 
 MIN_DISTANCE_M, MAX_DISTANCE_M = 1.0, 2.0
 """Distance between the scans [m]: errors of a comparison are the same at all distances, as long as
@@ -104,7 +106,7 @@ class DistanceMeter:
         pose: Pose,
         tf_tracking_sensor: Pose,
         returns: FloatArray,
-        noise: float = 0.0,
+        noise: Callable[[], float] = no_noise,
     ) -> MeasuredDistance | None:
         """Add a scan; return a distance to it, if it is far enough from the one before.
 
@@ -114,7 +116,8 @@ class DistanceMeter:
         pose : as matched, local frame.
         tf_tracking_sensor : pose of the scanner on the robot.
         returns : shape (n, 2), tracking frame [m].
-        noise : standard deviation of the ranges, if they are noisy [m].
+        noise : returns the standard deviation of the ranges, if they are noisy [m]: it is seldom
+            needed.
         """
         first = self._first
         if first is not None:
@@ -131,7 +134,7 @@ class DistanceMeter:
         self._first = last
         if first is None or not is_straight or time <= first.time:
             return None
-        return _measured(first, last, SIGMA_M + NOISE_FACTOR * max(noise - NOISE_M, 0.0))
+        return _measured(first, last, SIGMA_M + NOISE_FACTOR * max(noise() - NOISE_M, 0.0))
 
 
 def _measured(first: _Seen, last: _Seen, sigma: float) -> MeasuredDistance | None:

@@ -17,6 +17,7 @@ better than the matched one by noise alone; as much is no evidence.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +34,7 @@ from cartoloop.local_slam.wall_comparison import (
     without_people,
 )
 from cartoloop.sensor.pose import Pose, wrap_angle
+from cartoloop.sensor.range_noise import no_noise
 
 FAR_QUANTILE = 0.8
 """The noise at this quantile of the ranges counts: what is not bare is mostly far away."""
@@ -102,7 +104,7 @@ class WallStep:
         by_odometry: bool = False,
         stands: bool = False,
         match_ratio: float = 0.0,
-        noise: float = 0.0,
+        noise: Callable[[], float] = no_noise,
     ) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
 
@@ -117,7 +119,8 @@ class WallStep:
         by_odometry : whether the match was predicted by odometry.
         stands : whether the odometry has not moved since the last scan.
         match_ratio : of the curvatures of the match; it follows the odometry where this is small.
-        noise : standard deviation of the ranges, if they are noisy [m].
+        noise : returns the standard deviation of the ranges, if they are noisy [m]: it is seldom
+            needed.
         """
         config, last = self._config, self._last
         if not stands:
@@ -139,7 +142,7 @@ class WallStep:
         turns_too_far = turn > math.radians(config.max_turn_deg)
         if turns_too_far and self._evidence == 0.0:
             return None  # The comparison would only reduce the evidence.
-        found, sigma = None, max(config.sigma, noise)
+        found, sigma = None, max(config.sigma, noise())
         # Noise determines a match along bare walls, too, and speaks against any step.
         noisy = sigma / config.sigma
         if not by_odometry or match_ratio <= noisy * config.max_match_ratio:

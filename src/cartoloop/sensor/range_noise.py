@@ -78,6 +78,11 @@ class Noise(NamedTuple):
 NO_NOISE = Noise()
 
 
+def no_noise() -> float:
+    """Return the noise of a scanner that is not noisy [m]."""
+    return 0.0
+
+
 class RangeNoise:
     """Measures the noise of one scanner, until it is known.
 
