@@ -308,10 +308,19 @@ def test_an_accepted_offset_stays_while_it_is_better_than_none():
 
 def test_the_further_readings_are_apart_the_more_is_required():
     errors = np.random.default_rng(3).normal(size=400)
-    assert explains_more_than_none(0.6 * errors, errors, spacing=0.2)
-    assert not explains_more_than_none(0.6 * errors, errors, spacing=0.5)
-    assert not explains_more_than_none(0.01 * errors, errors, spacing=1.0)
-    assert not explains_more_than_none(np.zeros(9), np.zeros(9), spacing=0.1)
+    exact = np.zeros(9)
+    assert explains_more_than_none(0.6 * errors, errors, 0.2, exact)
+    assert not explains_more_than_none(0.6 * errors, errors, 0.5, exact)
+    assert not explains_more_than_none(0.01 * errors, errors, 1.0, exact)
+    assert not explains_more_than_none(exact, exact, 0.1, exact)
+
+
+def test_the_noise_of_matches_hides_no_offset():
+    """It is in all errors: what is left of them at the offset is mostly noise."""
+    errors = np.random.default_rng(3).normal(size=400)
+    assert explains_more_than_none(0.6 * errors, errors, 0.5, 0.5 * errors)
+    assert not explains_more_than_none(0.6 * errors, errors, 0.5, 0.1 * errors)
+    assert not explains_more_than_none(0.9 * errors, errors, 0.5, errors[:0])
 
 
 def test_a_few_smaller_errors_may_be_chance():
@@ -333,6 +342,18 @@ def test_while_an_offset_is_likely_the_rotation_is_not_known(duration, is_known)
     assert found.time_offset == 0.0
     assert found.is_known
     assert found.knows_rotation == is_known
+
+
+def test_the_rotation_is_unknown_again_once_an_offset_is_likely():
+    """Few turns may have seemed to be without an offset; noise had hidden it."""
+    way = winding_way(25.0)
+    stamps, odometry = reported_by(OdometryParameters(0.3), way)
+    rare = slice(None, None, 3)
+    poses = matched(stamps, way, noise=(0.005, 0.02))
+    known = OdometryParameters(rotation_error=0.01, translation_error=0.01)
+    found = estimate(stamps, poses, stamps[rare], odometry[rare], known)
+    assert known.knows_rotation
+    assert not found.knows_rotation
 
 
 def test_straight_driving_does_not_show_the_error_of_rotation():

@@ -103,7 +103,9 @@ def clock_offset(
     base = max(none, opposite, key=log_likelihood)
     is_likely = is_likelier_than_none(found, base)
     spacing = typical_spacing(times[1:][used] - offset, reading_times)
-    if is_likely and explains_more_than_none(found, base, spacing):
+    is_straight = known & (np.max(np.abs([turns, *candidates[:2]]), axis=0) <= MIN_TURN_RAD)
+    noise = _errors(turns, candidates[0], is_straight)
+    if is_likely and explains_more_than_none(found, base, spacing, noise):
         return ClockOffset(refined_minimum(OFFSETS_S, costs, best), is_open=False)
     kept = _errors(turns, reported(previous), used)
     is_kept = log_likelihood(kept) > log_likelihood(none)
@@ -126,21 +128,28 @@ def is_likelier_than_none(errors: FloatArray, errors_of_none: FloatArray) -> boo
     return 0.5 * gain > MIN_LOG_ODDS + math.log(INDEPENDENT_OFFSETS)
 
 
-def explains_more_than_none(errors: FloatArray, errors_of_none: FloatArray, spacing: float) -> bool:
+def explains_more_than_none(
+    errors: FloatArray, errors_of_none: FloatArray, spacing: float, noise: FloatArray
+) -> bool:
     """Return whether an offset explains more of the turns than interpolation alone does.
 
     The motion between two readings is assumed to be uniform. The further apart they are, the less
     is that true, and an offset then explains turns because it averages readings. So the mean error
     must decrease by a share that grows with the spacing, until readings determine no speed and
-    hence no offset.
+    hence no offset. What the noise of the matches adds to it stays whatever the offset, and does
+    not count.
 
     Parameters
     ----------
     errors, errors_of_none : as in :func:`is_likelier_than_none`.
     spacing : time between readings [s].
+    noise : differences of the turns where the robot drives straight on, shape (m,) [rad].
     """
-    limit = (1.0 - spacing / MAX_PERIOD_S) * np.abs(errors_of_none).mean()
-    return bool(np.abs(errors).mean() < limit)
+    of_noise = np.abs(noise).mean() if len(noise) else 0.0
+    squares = [
+        max(np.abs(some).mean() ** 2 - of_noise**2, 0.0) for some in (errors, errors_of_none)
+    ]
+    return bool(squares[0] < max(1.0 - spacing / MAX_PERIOD_S, 0.0) ** 2 * squares[1])
 
 
 def _errors(turns: FloatArray, reported: FloatArray, used: BoolArray) -> FloatArray:

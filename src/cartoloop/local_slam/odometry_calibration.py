@@ -269,7 +269,7 @@ def estimate(
         offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
     )
     errors = np.abs(model.without_veer_all(reported[moving]) - steps[moving])
-    knows_rotation = (turns_enough and not is_open) or previous.knows_rotation
+    knows_rotation = not is_open if turns_enough else previous.knows_rotation
     return replace(
         model,
         veer=previous.veer,
