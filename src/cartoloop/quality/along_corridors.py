@@ -72,7 +72,7 @@ def shifts_along(
 
 def _in_map(met: Encounters, row: int, vector: FloatArray, content: MapContent) -> FloatArray:
     """Return a vector of the frame of the submap that an encounter meets, shape (2,), map frame."""
-    middle = (int(met.first[row]) + int(met.end[row]) - 1) // 2
+    middle = int(met.middle[row])
     node, theta = int(met.pairs.node[middle]), met.pairs.tf_submap_node[middle, 2]
     turn = content.graph.node_poses[node, 2] - theta
     cos, sin = np.cos(turn), np.sin(turn)
@@ -97,8 +97,7 @@ def nodes_here(met: Encounters, shifts: FloatArray, num_nodes: int) -> BoolArray
 
 def met_nodes(met: Encounters) -> IntArray:
     """Return the node in the middle of each encounter and the one that it meets, shape (n, 2)."""
-    middles = (met.first + met.end - 1) // 2
-    return np.column_stack((met.pairs.node[middles], met.pairs.own_node[middles]))
+    return np.column_stack((met.pairs.node[met.middle], met.pairs.own_node[met.middle]))
 
 
 def _costs(
@@ -115,7 +114,7 @@ def _costs(
     All NaN where too few returns are off such walls.
     """
     own = slice(int(met.first[row]), int(met.end[row]))
-    middle = (own.start + own.stop - 1) // 2
+    middle = int(met.middle[row])
     poses, nodes = content.graph.node_poses, met.pairs.node[own]
     first, end = max(int(nodes.min()) - MORE_NODES, 0), int(nodes.max()) + MORE_NODES + 1
     chosen = np.arange(first, min(end, len(poses)))

@@ -106,7 +106,7 @@ def _by_place(
     rows: IntArray, met: Encounters, content: MapContent
 ) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
     """Yield the encounters of each place, their nodes, and the stamps of all that they compare."""
-    nodes = met.pairs.node[(met.first[rows] + met.end[rows] - 1) // 2]
+    nodes = met.pairs.node[met.middle[rows]]
     for cluster in clusters(content.graph.node_poses[nodes, :2]):
         own = rows[cluster]
         members = np.concatenate([np.arange(met.first[row], met.end[row]) for row in own.tolist()])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -59,6 +60,11 @@ class Encounters:
 
     def __len__(self) -> int:
         return len(self.first)
+
+    @cached_property
+    def middle(self) -> IntArray:
+        """The pair in the middle of each encounter, int64 (n,)."""
+        return (self.first + self.end - 1) // 2
 
 
 def encounters(

@@ -209,7 +209,7 @@ def near_known(points: FloatArray, grid: CellGrid) -> FloatArray:
 
 def path_direction(met: Encounters, row: int, content: MapContent) -> FloatArray:
     """Return the unit vector of the path at an encounter, frame of its submap, shape (2,)."""
-    pair = int(met.first[row] + met.end[row] - 1) // 2
+    pair = int(met.middle[row])
     node, theta = int(met.pairs.node[pair]), met.pairs.tf_submap_node[pair, 2]
     poses = content.graph.node_poses
     before, after = poses[max(node - 2, 0)], poses[min(node + 2, len(poses) - 1)]

@@ -72,8 +72,7 @@ def is_contradicted(quality: Quality) -> bool:
 
 def _contradicted(met: Encounters) -> list[Contradicted]:
     rows = np.flatnonzero(met.contradicts)
-    middles = (met.first[rows] + met.end[rows]) // 2
-    pairs = met.pairs.take(middles)
+    pairs = met.pairs.take(met.middle[rows])
     return [
         Contradicted(submap, node, Pose(*pose))
         for submap, node, pose in zip(
