@@ -49,6 +49,7 @@ from bench.robustness.log_changes import (
 from bench.robustness.odometry_changes import (
     coarse_odometry,
     drifting_clock,
+    far_origin,
     left_handed,
     no_motion,
     restarted,
@@ -74,6 +75,7 @@ from bench.robustness.several_changes import (
     combined,
     depth_camera,
     lossy_robot,
+    scaled,
 )
 from bench.robustness.stamp_changes import (
     NewTimes,
@@ -82,7 +84,15 @@ from bench.robustness.stamp_changes import (
     played_backwards,
     renamed,
     rounded_stamps,
+    stretched,
     with_new_times,
+)
+from bench.robustness.view_faults import (
+    blinded,
+    companion,
+    mixed_pixels,
+    stuck,
+    warming,
 )
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import CartoloopError, ConfigError, InputError
@@ -211,6 +221,18 @@ CHANGES: Final = {
         Change("left-handed", left_handed),
         Change("depth-camera", depth_camera, seeds=2),
         Change("view120-no-odometry", narrow(math.radians(120.0)), settings=NO_ODOMETRY),
+        Change("mixed-pixels", mixed_pixels(0.5), seeds=2),
+        Change("blinded", blinded(0.2, 20.0, math.radians(60.0)), seeds=2),
+        Change("stuck", stuck(0.05, 4.0), seeds=2),
+        Change("companion-ahead", companion(0.0)),
+        Change("companion-aside", companion(math.radians(60.0))),
+        Change("companion-no-odometry", companion(0.0), settings=NO_ODOMETRY),
+        Change("warming", warming(0.04)),
+        Change("far-origin", far_origin),
+        Change("faster", new_times=stretched(0.4)),
+        Change("slower", new_times=stretched(3.0)),
+        Change("smaller", scaled(0.8), scale=0.8),
+        Change("larger", scaled(1.25), scale=1.25),
         Change("range8-turns110", both(short_sighted(8.0), odometry_steps(turning_more(0.1)))),
     )
 }

@@ -16,7 +16,10 @@ from bench.robustness.log_changes import (
     seldom_read,
 )
 from cartoloop.arrays import FloatArray
-from cartoloop.sensor.pose import relative_all
+from cartoloop.sensor.pose import compose_all, relative_all
+
+FAR_ORIGIN = (412_000.0, 5_650_000.0, 2.0)
+"""Pose of an odometry frame in that of a survey, as UTM is [m], [rad]."""
 
 
 def turning_more(share: float) -> Callable[[FloatArray], FloatArray]:
@@ -107,6 +110,12 @@ def restarted(seconds: float) -> Apply:
             log.poses[second] = relative_all(np.repeat(later[:1], len(later), axis=0), later)
 
     return apply
+
+
+def far_origin(log: CarmenText, _: Rng) -> None:
+    """Report poses in a frame whose origin is far away, as that of a survey."""
+    tf_survey_odometry = np.array([FAR_ORIGIN])
+    log.poses = compose_all(np.repeat(tf_survey_odometry, len(log.poses), axis=0), log.poses)
 
 
 def no_motion(log: CarmenText, _: Rng) -> None:

@@ -14,6 +14,7 @@ from bench.robustness.log_changes import (
     drifting,
     drop_every,
     longer,
+    longer_ranges,
     lost_scans,
     missing,
     newer_odometry,
@@ -36,6 +37,11 @@ def both(*changes: Apply) -> Apply:
             change(log, rng)
 
     return apply
+
+
+def scaled(factor: float) -> Apply:
+    """Return the change of all lengths by a factor: a building of the same plan."""
+    return both(longer_ranges(factor - 1.0), odometry_steps(longer(factor - 1.0)))
 
 
 def cheap_robot(log: CarmenText, rng: Rng) -> None:

@@ -74,6 +74,16 @@ def rounded_stamps(times: FloatArray, _: np.random.Generator) -> FloatArray:
     return rounded
 
 
+def stretched(factor: float) -> NewTimes:
+    """Return the times of a robot that is slower by a factor."""
+
+    def new_times(times: FloatArray, _: np.random.Generator) -> FloatArray:
+        later: FloatArray = times[0] + factor * (times - times[0])
+        return later
+
+    return new_times
+
+
 def _in_order(times: FloatArray) -> FloatArray:
     """Return times, later where one before it is, and no two equal: stamps name scans."""
     steps = LEAST_STEP_S * np.arange(len(times))
