@@ -91,7 +91,6 @@ from bench.robustness.view_faults import (
     blinded,
     companion,
     mixed_pixels,
-    stuck,
     warming,
 )
 from cartoloop.arrays import FloatArray
@@ -223,10 +222,10 @@ CHANGES: Final = {
         Change("view120-no-odometry", narrow(math.radians(120.0)), settings=NO_ODOMETRY),
         Change("mixed-pixels", mixed_pixels(0.5), seeds=2),
         Change("blinded", blinded(0.2, 20.0, math.radians(60.0)), seeds=2),
-        Change("stuck", stuck(0.05, 4.0), seeds=2),
-        Change("companion-ahead", companion(0.0)),
-        Change("companion-aside", companion(math.radians(60.0))),
-        Change("companion-no-odometry", companion(0.0), settings=NO_ODOMETRY),
+        Change("held4", held(0.003, 4.0)),
+        Change("companion-ahead", companion(0.0), seeds=2),
+        Change("companion-aside", companion(math.radians(60.0)), seeds=2),
+        Change("companion-no-odometry", companion(0.0), settings=NO_ODOMETRY, seeds=2),
         Change("warming", warming(0.04)),
         Change("far-origin", far_origin),
         Change("faster", new_times=stretched(0.4)),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of what a scanner sees: hidden, mixed, repeated or drifting ranges."""
+"""Faults of what a scanner sees: hidden, mixed or drifting ranges."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from bench.robustness.carmen_text import CarmenText
 from bench.robustness.log_changes import FARTHEST, NEAREST, Apply, Rng
 from bench.robustness.people import BODY_M, CLOTHES_M
 from bench.robustness.scanner_changes import beam_angles
-from cartoloop.arrays import FloatArray, IntArray
 
 EDGE_M = 0.5
 """Ranges of neighbours that differ by more are at an edge [m]."""
@@ -17,23 +16,6 @@ EDGE_M = 0.5
 COMPANION_M, COMPANION_SWAY_M, COMPANION_SWAY_RATE = 1.2, 0.2, 0.7
 """Mean distance of a person who walks with the robot [m], and how the distance changes [m],
 [rad/s]."""
-
-
-def spells(times: FloatArray, rng: Rng, share: float, seconds: float) -> IntArray:
-    """Return for each time the number of the spell that it is in, -1 for none.
-
-    Parameters
-    ----------
-    times : in order, shape (n,) [s].
-    rng : of the begins.
-    share : of the time, roughly.
-    seconds : that each lasts.
-    """
-    number = max(int(share * (times[-1] - times[0]) / seconds), 1)
-    begins = np.sort(rng.uniform(times[0], times[-1], number))
-    spell = np.searchsorted(begins, times, side="right") - 1
-    since = times - begins[np.maximum(spell, 0)]
-    return np.where((spell >= 0) & (since < seconds), spell, -1)
 
 
 def mixed_pixels(share: float) -> Apply:
@@ -69,38 +51,19 @@ def blinded(share: float, seconds: float, sector: float) -> Apply:
     """
 
     def apply(log: CarmenText, rng: Rng) -> None:
-        spell = spells(log.times, rng, share, seconds)
+        times = log.times
+        number = int(share * (times[-1] - times[0]) / seconds)
+        begins = np.sort(rng.uniform(times[0], times[-1], number))
+        spell = np.searchsorted(begins, times, side="right")
+        since = times - np.concatenate(([-np.inf], begins))[spell]
         first, step = beam_angles(log)
-        middles = rng.uniform(first, -first, int(spell.max()) + 1)
         bearings = first + step * np.arange(log.num_beams)
+        middles = rng.uniform(bearings[0], bearings[-1], number + 1)
         no_return = log.no_return
-        for row in np.flatnonzero(spell >= 0).tolist():
+        for row in np.flatnonzero(since < seconds).tolist():
             ranges = log.ranges[row]
             if ranges is not None and len(ranges) == len(bearings):
                 ranges[np.abs(bearings - middles[spell[row]]) < 0.5 * sector] = no_return
-
-    return apply
-
-
-def stuck(share: float, seconds: float) -> Apply:
-    """Return the change whose scanner repeats a scan now and then while the robot drives on.
-
-    Parameters
-    ----------
-    share : of the time, roughly.
-    seconds : that a scan is repeated.
-    """
-
-    def apply(log: CarmenText, rng: Rng) -> None:
-        spell = spells(log.times, rng, share, seconds)
-        before, shown = -1, log.ranges[0]
-        for row, ranges in enumerate(log.ranges):
-            if ranges is None:
-                continue
-            if spell[row] < 0 or spell[row] != before:
-                before, shown = int(spell[row]), ranges
-            elif shown is not None:
-                log.ranges[row] = shown.copy()
 
     return apply
 
