@@ -47,7 +47,8 @@ VERIFIED: Final = {
 """Recordings with relations that people verified; the others get those of their unchanged map."""
 
 CLOSED_M = 0.05
-"""Error below which loops are closed, where the relations are those of the recording's map [m]."""
+"""Error below which loops are closed, where the relations are those of the recording's map [m]; in
+a building that is scaled, as much larger."""
 
 MOST_TIMES_UNCHANGED = 1.5
 """Error of a changed recording over that of the unchanged one, at most, where people verified."""
@@ -199,9 +200,10 @@ class Runner:
                 "largest": float(error.translations.max()),
             }
             if name not in VERIFIED:
-                figures["bar"] = CLOSED_M
+                figures["bar"] = change.scale * CLOSED_M
             elif unchanged is not None and "error" in unchanged.figures:
-                figures["bar"] = MOST_TIMES_UNCHANGED * unchanged.figures["error"]
+                limit = change.scale * MOST_TIMES_UNCHANGED
+                figures["bar"] = limit * unchanged.figures["error"]
             words = f"python -m bench.robustness.changes {source} {log} {change.name} {seed}"
             return _finished(mapped, figures, words)
 
