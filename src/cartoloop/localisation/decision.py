@@ -188,7 +188,7 @@ def _claim_by_scans(
     if not is_only_place:
         return None
     likely = chain((each.tf_map_tracking for each in candidates[1:]), before.kept)
-    if has_rival(known, composite, best.tf_map_tracking, likely):
+    if has_rival(known, composite, path, best.tf_map_tracking, likely):
         return None
     return Claim(best.tf_map_tracking)
 
