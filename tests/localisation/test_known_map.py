@@ -55,6 +55,16 @@ def test_straight_walls_are_no_detail():
     assert 0.2 < room.detail < room.agreement
 
 
+def test_beams_pass_thin_objects_of_the_map():
+    def agreement(size):
+        post = ((6.0, 3.0), (6.0 + size, 3.0), (6.0 + size, 3.0 + size), (6.0, 3.0 + size))
+        known = known_map((*BOX, post))
+        return known.fit(points(BOX, START), IDENTITY, START).agreement
+
+    assert agreement(0.1) == 1.0
+    assert agreement(0.4) < 0.97
+
+
 def test_unknown_pixels_count_neither_for_nor_against_a_pose():
     known = known_map(BOX)
     outside = np.array(((0.0, 7.0), (0.5, 7.2)))

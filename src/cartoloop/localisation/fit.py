@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.kernels.map_agreement import CellGrid
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.kernels.scan_fit import (
@@ -42,6 +42,10 @@ straight."""
 
 STRAIGHT_WEIGHT = 0.25
 """A return on a straight wall counts this much for distinctness: corridors are alike."""
+
+THIN_M = 0.25
+"""Objects of a map up to this size block no beam [m]: legs of tables and chairs are not wider than
+by what a pose is wrong and a map blurred, and beams pass on both sides of them."""
 
 MIN_PASSES = 3
 """A wall that this number of beams of the map's own scans pass through is seen through, as glass
@@ -126,6 +130,8 @@ class FitJudge:
             self._marks,
         )
         self._marks *= STRAIGHT
+        self._thin = _thin_objects(grid.cells >= self._limits.wall, THIN_M / resolution)
+        self._marks[self._thin] |= SEEN_THROUGH
         self._knows_passes = False
 
     def passes(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> IntArray:
@@ -145,6 +151,7 @@ class FitJudge:
     def set_passes(self, passes: IntArray) -> None:
         """Set which walls are seen through, given how many beams of the map's scans pass."""
         self._marks &= STRAIGHT
+        self._marks[self._thin] |= SEEN_THROUGH
         self._marks[passes >= MIN_PASSES] |= SEEN_THROUGH
         self._knows_passes = True
 
@@ -178,6 +185,17 @@ class FitJudge:
         score = mean_probability(float(total) / num_points)
         detail = (on_wall - straight) / max(num_counted, 1)
         return Fit(score, agreement, _distinctness(counts), num_counted, detail, solid_agreement)
+
+
+def _thin_objects(walls: BoolArray, max_size: float) -> tuple[IntArray, ...]:
+    """Return the rows and columns of the cells of objects up to a size [cells]."""
+    from scipy import ndimage  # heavy, and needed for localisation only
+
+    labels, _ = ndimage.label(walls, structure=np.ones((3, 3)))
+    boxes = ndimage.find_objects(labels)
+    sizes = [max(side.stop - side.start for side in box) for box in boxes]
+    is_thin = np.array([False, *(size <= max_size for size in sizes)])
+    return np.nonzero(is_thin[labels])
 
 
 def _agreement(counts: IntArray) -> tuple[float, int]:
