@@ -169,7 +169,7 @@ def _claim_by_scans(
     best = refined(known, composite, candidates[0].tf_map_tracking)
     if not (
         _is_known_at(known, composite, candidates[0], best.fit)
-        and needed.are_reached(candidates[0].score, best.fit)
+        and needed.are_reached(best.score, best.fit)
     ):
         return None
     is_refuted = partial(_is_refuted, best, margins_of(known, path), needed)
