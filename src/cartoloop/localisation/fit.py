@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.map_agreement import CellGrid
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.kernels.scan_fit import (
@@ -43,9 +43,10 @@ straight."""
 STRAIGHT_WEIGHT = 0.25
 """A return on a straight wall counts this much for distinctness: corridors are alike."""
 
-THIN_M = 0.25
-"""Objects of a map up to this size block no beam [m]: legs of tables and chairs are not wider than
-by what a pose is wrong and a map blurred, and beams pass on both sides of them."""
+THIN_M, FREE_SHARE = 0.25, 0.6
+"""Objects of a map up to this size block no beam [m] if this share of what is around them is floor:
+legs of tables and chairs are not wider than by what a pose is wrong and a map blurred, and beams
+pass on both sides of them. Parts of a wall that few beams have shown do not stand on floor."""
 
 MIN_PASSES = 3
 """A wall that this number of beams of the map's own scans pass through is seen through, as glass
@@ -130,7 +131,7 @@ class FitJudge:
             self._marks,
         )
         self._marks *= STRAIGHT
-        self._thin = _thin_objects(grid.cells >= self._limits.wall, THIN_M / resolution)
+        self._thin = _thin_objects(grid, self._limits)
         self._marks[self._thin] |= SEEN_THROUGH
         self._knows_passes = False
 
@@ -187,14 +188,21 @@ class FitJudge:
         return Fit(score, agreement, _distinctness(counts), num_counted, detail, solid_agreement)
 
 
-def _thin_objects(walls: BoolArray, max_size: float) -> tuple[IntArray, ...]:
-    """Return the rows and columns of the cells of objects up to a size [cells]."""
+def _thin_objects(grid: CellGrid, limits: FitLimits) -> tuple[IntArray, ...]:
+    """Return the rows and columns of the cells of thin objects, see :data:`THIN_M`."""
     from scipy import ndimage  # heavy, and needed for localisation only
 
-    labels, _ = ndimage.label(walls, structure=np.ones((3, 3)))
-    boxes = ndimage.find_objects(labels)
-    sizes = [max(side.stop - side.start for side in box) for box in boxes]
-    is_thin = np.array([False, *(size <= max_size for size in sizes)])
+    square = np.ones((3, 3))
+    labels, count = ndimage.label(grid.cells >= limits.wall, structure=square)
+    is_floor = (grid.cells > 0) & (grid.cells <= limits.floor)
+    is_thin = np.zeros(count + 1, dtype=np.bool_)
+    for number, box in enumerate(ndimage.find_objects(labels), 1):
+        if max(side.stop - side.start for side in box) > THIN_M / grid.resolution:
+            continue
+        near = tuple(slice(max(side.start - 2, 0), side.stop + 2) for side in box)
+        beside = ndimage.binary_dilation(labels[near] == number, square)
+        around = ndimage.binary_dilation(beside, square) & ~beside
+        is_thin[number] = is_floor[near][around].mean() >= FREE_SHARE
     return np.nonzero(is_thin[labels])
 
 
