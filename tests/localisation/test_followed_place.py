@@ -108,11 +108,25 @@ def test_the_best_of_many_places_comes_first_and_once(known, bent):
 
 def test_a_place_is_proved_only_if_no_other_fits_as_well(known, bent):
     followed = follow_best(known, bent, [NEWEST])
-    rival = followed[0]._replace(total=followed[0].total - 0.1)
+    best = followed[0]
+    rival = best._replace(poses=best.poses + np.array((2.0, 2.0, 0.0)), total=best.total - 0.1)
 
     assert is_proved(known, bent, PATH_M, followed, [], [])
     assert not is_proved(known, bent, PATH_M, [*followed, rival], [], [])
     assert is_proved(known, bent, PATH_M, followed, [NEWEST], [NEWEST])
+
+
+def test_along_straight_walls_a_lower_score_refutes(known, bent):
+    best = follow_best(known, bent, [NEWEST])[0]
+    bare, lower = 0.4 * best.fit.detail, best.fit.score - 0.1
+
+    def rival(**fit):
+        elsewhere = best.poses + np.array((2.0, 2.0, 0.0))
+        return best._replace(poses=elsewhere, fit=best.fit._replace(**fit))
+
+    assert is_proved(known, bent, PATH_M, [best, rival(detail=bare, score=lower)], [], [])
+    assert not is_proved(known, bent, PATH_M, [best, rival(detail=bare)], [], [])
+    assert not is_proved(known, bent, PATH_M, [best, rival(score=lower)], [], [])
 
 
 def test_a_short_path_refutes_less():
@@ -160,11 +174,11 @@ def test_a_place_that_is_built_alike_is_a_rival(known, bent):
     turned = compose(turned, Pose(0.05, 0.05, 0.02))
     wrong = Pose(NEWEST.x - 0.5, NEWEST.y - 0.4, NEWEST.theta + math.pi)
 
-    assert has_rival(box, scans, newest, [turned])
-    assert not has_rival(box, scans, newest, [newest])
-    assert not has_rival(known, bent, NEWEST, [wrong])
+    assert has_rival(box, scans, PATH_M, newest, [turned])
+    assert not has_rival(box, scans, PATH_M, newest, [newest])
+    assert not has_rival(known, bent, PATH_M, NEWEST, [wrong])
     box.has_own_fits = False
-    assert not has_rival(box, scans, newest, [turned])
+    assert not has_rival(box, scans, PATH_M, newest, [turned])
 
 
 def test_nothing_is_proved_in_a_map_without_own_scans(bent):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -53,6 +54,27 @@ def test_straight_walls_are_no_detail():
     assert straight.agreement > 0.95
     assert straight.detail < 0.1
     assert 0.2 < room.detail < room.agreement
+
+
+def test_beams_pass_thin_objects_of_the_map():
+    def agreement(size):
+        post = ((6.0, 3.0), (6.0 + size, 3.0), (6.0 + size, 3.0 + size), (6.0, 3.0 + size))
+        known = known_map((*BOX, post))
+        return known.fit(points(BOX, START), IDENTITY, START).agreement
+
+    assert agreement(0.1) == 1.0
+    assert agreement(0.4) < 0.97
+
+
+def test_thin_parts_of_the_unknown_block_beams():
+    shown = image((*BOX, ((6.0, 3.0), (6.1, 3.0), (6.1, 3.1), (6.0, 3.1))))
+    occupancy = shown.occupancy.copy()
+    near = occupancy[54:69, 114:129]
+    near[near == 0.0] = -1.0
+
+    known = known_map_of_image(dataclasses.replace(shown, occupancy=occupancy))
+
+    assert known.fit(points(BOX, START), IDENTITY, START).agreement < 1.0
 
 
 def test_unknown_pixels_count_neither_for_nor_against_a_pose():

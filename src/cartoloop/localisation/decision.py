@@ -169,7 +169,7 @@ def _claim_by_scans(
     best = refined(known, composite, candidates[0].tf_map_tracking)
     if not (
         _is_known_at(known, composite, candidates[0], best.fit)
-        and needed.are_reached(candidates[0].score, best.fit)
+        and needed.are_reached(best.score, best.fit)
     ):
         return None
     is_refuted = partial(_is_refuted, best, margins_of(known, path), needed)
@@ -188,7 +188,7 @@ def _claim_by_scans(
     if not is_only_place:
         return None
     likely = chain((each.tf_map_tracking for each in candidates[1:]), before.kept)
-    if has_rival(known, composite, best.tf_map_tracking, likely):
+    if has_rival(known, composite, path, best.tf_map_tracking, likely):
         return None
     return Claim(best.tf_map_tracking)
 

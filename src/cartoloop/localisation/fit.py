@@ -43,6 +43,11 @@ straight."""
 STRAIGHT_WEIGHT = 0.25
 """A return on a straight wall counts this much for distinctness: corridors are alike."""
 
+THIN_M, FREE_SHARE = 0.25, 0.6
+"""Objects of a map up to this size block no beam [m] if this share of what is around them is floor:
+legs of tables and chairs are not wider than by what a pose is wrong and a map blurred, and beams
+pass on both sides of them. Parts of a wall that few beams have shown do not stand on floor."""
+
 MIN_PASSES = 3
 """A wall that this number of beams of the map's own scans pass through is seen through, as glass
 and railings are: other beams may pass as well."""
@@ -126,6 +131,8 @@ class FitJudge:
             self._marks,
         )
         self._marks *= STRAIGHT
+        self._thin = _thin_objects(grid, self._limits)
+        self._marks[self._thin] |= SEEN_THROUGH
         self._knows_passes = False
 
     def passes(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> IntArray:
@@ -145,6 +152,7 @@ class FitJudge:
     def set_passes(self, passes: IntArray) -> None:
         """Set which walls are seen through, given how many beams of the map's scans pass."""
         self._marks &= STRAIGHT
+        self._marks[self._thin] |= SEEN_THROUGH
         self._marks[passes >= MIN_PASSES] |= SEEN_THROUGH
         self._knows_passes = True
 
@@ -178,6 +186,24 @@ class FitJudge:
         score = mean_probability(float(total) / num_points)
         detail = (on_wall - straight) / max(num_counted, 1)
         return Fit(score, agreement, _distinctness(counts), num_counted, detail, solid_agreement)
+
+
+def _thin_objects(grid: CellGrid, limits: FitLimits) -> tuple[IntArray, ...]:
+    """Return the rows and columns of the cells of thin objects, see :data:`THIN_M`."""
+    from scipy import ndimage  # heavy, and needed for localisation only
+
+    square = np.ones((3, 3))
+    labels, count = ndimage.label(grid.cells >= limits.wall, structure=square)
+    is_floor = (grid.cells > 0) & (grid.cells <= limits.floor)
+    is_thin = np.zeros(count + 1, dtype=np.bool_)
+    for number, box in enumerate(ndimage.find_objects(labels), 1):
+        if max(side.stop - side.start for side in box) > THIN_M / grid.resolution:
+            continue
+        near = tuple(slice(max(side.start - 2, 0), side.stop + 2) for side in box)
+        beside = ndimage.binary_dilation(labels[near] == number, square)
+        around = ndimage.binary_dilation(beside, square) & ~beside
+        is_thin[number] = is_floor[near][around].mean() >= FREE_SHARE
+    return np.nonzero(is_thin[labels])
 
 
 def _agreement(counts: IntArray) -> tuple[float, int]:

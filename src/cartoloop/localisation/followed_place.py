@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-from cartoloop.localisation.claim_needs import least_score, needed_margin
+from cartoloop.localisation.claim_needs import FITTING_DETAIL, least_score, needed_margin
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import fit_of_composite, is_same_place, refine_within
 from cartoloop.localisation.known_map import KnownMap
@@ -215,15 +216,14 @@ def is_proved(
     if not _newest_agree(known, composite, best):
         return False
     least = best.total - refuting_sum(path)
-    if any(place.total > least for place in followed[1:]):
+    is_rival = partial(_is_rival, best, least, needed_margin(path))
+    if any(is_rival(place) for place in followed[1:]):
         return False
     most = best.fit.score + 0.5 * needed_margin(path)
     if any(_outscores(known, composite, pose, best, most) for pose in listed):
         return False
     return not any(
-        _may_reach(known, composite, pose, least)
-        and (place := follow_in(known, composite, pose)).total > least
-        and not is_same_place(place.pose, best.pose)
+        _may_reach(known, composite, pose, least) and is_rival(follow_in(known, composite, pose))
         for pose in others
     )
 
@@ -246,12 +246,13 @@ def fits_along(
 
 
 def has_rival(
-    known: KnownMap, composite: Composite, tf_map_newest: Pose, others: Iterable[Pose]
+    known: KnownMap, composite: Composite, path: float, tf_map_newest: Pose, others: Iterable[Pose]
 ) -> bool:
     """Return whether scans fit about as well in another place if each is matched there.
 
     Parameters
     ----------
+    path : length of the path that the scans come from [m].
     tf_map_newest : of the newest scan in the place where the scans, moved as one, fit best.
     others : the same of the other places.
     """
@@ -259,12 +260,24 @@ def has_rival(
         return False
     best = follow_in(known, composite, tf_map_newest)
     least = best.total - RIVAL_SUM
+    is_rival = partial(_is_rival, best, least, needed_margin(path))
     return any(
-        _may_reach(known, composite, pose, least)
-        and (place := follow_in(known, composite, pose)).total > least
-        and not is_same_place(place.pose, best.pose)
+        _may_reach(known, composite, pose, least) and is_rival(follow_in(known, composite, pose))
         for pose in others
     )
+
+
+def _is_rival(best: FollowedPlace, least: float, margin: float, other: FollowedPlace) -> bool:
+    """Return whether scans fit about as well in another place, from a sum above `least` on.
+
+    Scans that show much else than straight walls agree along corridors, too, but with a score that
+    is lower by `margin`.
+    """
+    shows_less = (
+        other.fit.detail < FITTING_DETAIL * best.fit.detail
+        and best.fit.score - other.fit.score >= margin
+    )
+    return other.total > least and not shows_less and not is_same_place(other.pose, best.pose)
 
 
 def _outscores(

@@ -14,7 +14,6 @@ from cartoloop.localisation.doubt import Doubt
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.local_motion import LocalScan
-from cartoloop.localisation.moving_returns import MovingReturns
 from cartoloop.localisation.tracking import MAP_SIGMA_M, MAP_SIGMA_RAD, Tracker
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 
@@ -59,7 +58,6 @@ class Following:
         if not math.isnan(claim.agreement):
             low = min(low, CLAIMED_SHARE * claim.agreement)
         self.doubt = Doubt(low / known.usual.agreement, is_given=is_given)
-        self._moving = MovingReturns()
 
     @property
     def pose(self) -> Pose:
@@ -75,7 +73,6 @@ class Following:
     def begin(self, scan: LocalScan) -> None:
         """Note the scan whose pose was claimed."""
         self._last = scan
-        self._moving.add(scan)
 
     def predicted(self, scan: LocalScan) -> Pose:
         """Return the pose at the next scan by local SLAM alone."""
@@ -102,11 +99,9 @@ class Following:
         self.shown = self.pose
         usual = self._known.usual.agreement
         standing = self._agreement / usual
-        if not self.doubt.is_proved:
-            moving = self._moving.add(scan)
-            if moving.any():
-                fit = self._known.fit(scan.points[~moving], scan.beam_origin, self.pose)
-                standing = fit.agreement / usual
+        if not self.doubt.is_proved and scan.moving.any():
+            fit = self._known.fit(scan.points[~scan.moving], scan.beam_origin, self.pose)
+            standing = fit.agreement / usual
         length = math.hypot(step.x, step.y)
         self.doubt.add(self._agreement / usual, length, duration, standing)
 

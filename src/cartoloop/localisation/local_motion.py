@@ -10,18 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
 from cartoloop.local_slam.gap import is_gap
 from cartoloop.local_slam.local_slam import LocalSlam
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.decision import MIN_POINTS
+from cartoloop.localisation.moving_returns import MovingReturns
 from cartoloop.localisation.trail import SCAN_FILTER, Trail
 from cartoloop.localisation.unseen_motion import MotionError, UnseenMotion, unseen_error
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
-from cartoloop.sensor.pose import Pose, relative
+from cartoloop.sensor.pose import Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import thin
 
 COVER_M = 0.6
@@ -45,6 +46,7 @@ class LocalScan(NamedTuple):
     points : float64, shape (n, 2), its returns, thinned [m], tracking frame.
     returns : float64, shape (m, 2), all of them.
     beam_origin : pose of the scanner on the robot.
+    moving : bool, shape (n,), which of the points are of what moves.
     has_odometry : whether odometry has measured the motion since the last scan.
     unseen : by how much that motion may be wrong if no scan measured it, as this one has hardly any
         return, or some are missing before it; None otherwise.
@@ -56,6 +58,7 @@ class LocalScan(NamedTuple):
     points: FloatArray
     returns: FloatArray
     beam_origin: Pose
+    moving: BoolArray
     has_odometry: bool = True
     unseen: MotionError | None = None
 
@@ -80,6 +83,7 @@ class LocalMotion:
         self._first_sensor: str | None = None
         self._local_slam = self._new_local_slam(calibration)
         self.trail = Trail()
+        self._moving = MovingReturns()
         self.scan: LocalScan | None = None
         self._unseen = UnseenMotion()
         self._has_seen = False
@@ -111,6 +115,7 @@ class LocalMotion:
         """Forget the path, and keep the calibration."""
         self._local_slam = self._new_local_slam(self.calibration)
         self.trail = Trail()
+        self._moving = MovingReturns()
         self._unseen = UnseenMotion()
         self._last = None
         self._has_seen = False
@@ -139,7 +144,15 @@ class LocalMotion:
             return None
         points = thin(result.returns, self._config.local_slam.adaptive_voxel_filter)
         origin = self._beam_origin(event)
-        self.trail.add(result.tf_local_tracking, thin(points, SCAN_FILTER), origin)
+        moving = self._moving.add(
+            event.time,
+            compose(result.tf_local_tracking, origin),
+            transform_points(result.tf_local_tracking, points),
+            transform_points(result.tf_local_tracking, result.returns),
+        )
+        # People who walk beside the robot would contradict every place, the right one as well.
+        standing = thin(points[~moving], SCAN_FILTER)
+        self.trail.add(result.tf_local_tracking, standing, origin)
         has_odometry = (
             self._local_slam.extrapolator.odometry.is_trusted
             and event.time - self._odometry_time <= MAX_READING_AGE_S
@@ -155,8 +168,9 @@ class LocalMotion:
         if event.time not in self._times:  # a scan is added again where the path begins again
             self._times.append(event.time)
         self.scan = LocalScan(
-            event.stamp, event.time, pose, points, result.returns, origin, has_odometry, error
-        )
+            event.stamp, event.time, pose, points, result.returns, origin, moving,
+            has_odometry, error,
+        )  # fmt: skip
         return self.scan
 
     def _beam_origin(self, event: LaserScan | PointCloud) -> Pose:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.localisation.local_motion import LocalScan
-from cartoloop.sensor.pose import Pose, compose, inverse, transform_points
+from cartoloop.sensor.pose import Pose
 
 NUM_BINS = 360
 """Directions in which a scan is kept."""
@@ -53,23 +53,29 @@ class MovingReturns:
     def __init__(self) -> None:
         self._views: deque[_View] = deque(maxlen=NUM_VIEWS)
 
-    def add(self, scan: LocalScan) -> BoolArray:
-        """Return which points of a scan are of what moves, shape (n,), and keep the scan."""
-        tf_local_beams = compose(scan.tf_local_tracking, scan.beam_origin)
-        points = transform_points(scan.tf_local_tracking, scan.points)
-        moving = np.zeros(len(points), dtype=np.bool_)
-        for view in self._views:
-            if scan.time - view.time >= PERIOD_S:
-                moving |= _is_seen_through(view, points)
-        if not self._views or scan.time - self._views[-1].time >= PERIOD_S:
-            self._views.append(_View(scan.time, tf_local_beams, _nearest(scan)))
+    def add(
+        self, time: float, tf_local_beams: Pose, points: FloatArray, returns: FloatArray
+    ) -> BoolArray:
+        """Return which points of a scan are of what moves, shape (n,), and keep the scan.
+
+        Parameters
+        ----------
+        time : of the scan [s].
+        tf_local_beams : pose of the scanner, local frame.
+        points : float64, shape (n, 2), returns of the scan, thinned, local frame [m].
+        returns : float64, shape (m, 2), all of them, local frame [m].
+        """
+        earlier = [view for view in self._views if time - view.time >= PERIOD_S]
+        moving = _are_seen_through(earlier, points)
+        if not self._views or time - self._views[-1].time >= PERIOD_S:
+            self._views.append(_View(time, tf_local_beams, _nearest(tf_local_beams, returns)))
         if np.count_nonzero(moving) > MAX_SHARE * len(points):
             moving[:] = False
         return moving
 
 
-def _nearest(scan: LocalScan) -> FloatArray:
-    bins, distances = _polar(transform_points(inverse(scan.beam_origin), scan.returns))
+def _nearest(tf_local_beams: Pose, returns: FloatArray) -> FloatArray:
+    bins, distances = (each[0] for each in _polar([tf_local_beams], returns))
     nearest = np.full(NUM_BINS, np.inf)
     np.minimum.at(nearest, bins, distances)
     around = np.minimum(nearest, np.minimum(np.roll(nearest, 1), np.roll(nearest, -1)))
@@ -77,15 +83,20 @@ def _nearest(scan: LocalScan) -> FloatArray:
     return np.where(np.isfinite(around), around, 0.0)
 
 
-def _is_seen_through(view: _View, points: FloatArray) -> BoolArray:
-    """Return which points, in the local frame, a scan saw through."""
-    bins, distances = _polar(transform_points(inverse(view.tf_local_beams), points))
-    seen: BoolArray = view.nearest[bins] > distances + BEYOND_M
+def _are_seen_through(views: Sequence[_View], points: FloatArray) -> BoolArray:
+    """Return which points, in the local frame, any of the scans saw through."""
+    if not views:
+        return np.zeros(len(points), dtype=np.bool_)
+    bins, distances = _polar([view.tf_local_beams for view in views], points)
+    nearest = np.take_along_axis(np.array([view.nearest for view in views]), bins, axis=1)
+    seen: BoolArray = np.any(nearest > distances + BEYOND_M, axis=0)
     return seen
 
 
-def _polar(points: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the number of the direction of points, and their distances [m]."""
-    angles = np.arctan2(points[:, 1], points[:, 0])
+def _polar(tf_local_beams: Sequence[Pose], points: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the number of the direction of points and their distances [m], shape (poses, n)."""
+    x, y, theta = np.array(tf_local_beams).T[:, :, None]
+    dx, dy = points[:, 0] - x, points[:, 1] - y
+    angles = np.arctan2(dy, dx) - theta
     bins = np.floor((angles + math.pi) * (NUM_BINS / (2.0 * math.pi))).astype(np.int64) % NUM_BINS
-    return bins, np.hypot(points[:, 0], points[:, 1])
+    return bins, np.hypot(dx, dy)
