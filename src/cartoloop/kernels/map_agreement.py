@@ -199,14 +199,15 @@ def count_along(
     """
     for i in range(firsts.shape[0]):
         group = points[firsts[i] : ends[i]]
+        flat = group.reshape(-1)  # vectorised only with a stride that is known
         rows = np.empty(group.shape[0], dtype=np.int64)
         cols = np.empty(group.shape[0], dtype=np.int64)
         for s in range(shifts.shape[0]):
             x = shifts[s] * directions[i, 0] - grid.origin_x
             y = shifts[s] * directions[i, 1] - grid.origin_y
             for j in range(group.shape[0]):
-                cols[j] = np.int64(np.floor((group[j, 0] + x) / grid.resolution))
-                rows[j] = np.int64(np.floor((group[j, 1] + y) / grid.resolution))
+                cols[j] = np.int64(np.floor((flat[2 * j] + x) / grid.resolution))
+                rows[j] = np.int64(np.floor((flat[2 * j + 1] + y) / grid.resolution))
             out_counts[i, s] = _num_fitting(grid.cells, wall, rows, cols, 0, 0, -1.0)
 
 
