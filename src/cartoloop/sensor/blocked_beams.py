@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
-from cartoloop.kernels.near_neighbours import count_near_neighbours
+from cartoloop.kernels.near_neighbours import count_near_neighbours, hide_blocked
 from cartoloop.sensor.isolated_returns import NEAR_M, NEAR_SPACINGS
 
 MIN_SCANS = 200
@@ -49,9 +49,8 @@ class BlockedBeams:
         most = MIN_SHARE * (self._num_scans - MIN_SCANS)
         if most < self._fewest_returns:  # as long ago, and they only become more
             return ranges
-        self._fewest_returns = int(self._num_returns.min(initial=self._num_scans))
-        if most < self._fewest_returns:
-            return ranges
-        is_blocked = self._num_returns <= most
-        is_return = (ranges >= min_range) & (ranges < no_return_range)
-        return np.where(is_blocked & ~is_return, np.nan, ranges)
+        hidden = np.empty(len(ranges))
+        self._fewest_returns = hide_blocked(
+            ranges, min_range, no_return_range, self._num_returns, most, hidden
+        )
+        return ranges if most < self._fewest_returns else hidden
