@@ -47,18 +47,22 @@ SQUARES, COST = 9, 10
 """Entries of `out_match` after pose and curvature: sum of squares of the points, total cost."""
 
 
+Place = tuple[float, float, float]
+"""A pose as a plain tuple: calls from Python take it faster than an array."""
+
+
 class MotionPrior(NamedTuple):
     """The predicted pose of a scan and how much it is trusted.
 
     Attributes
     ----------
-    pose : float64, shape (3,), tf_submap_scan as predicted [m], [m], [rad].
+    pose : tf_submap_scan as predicted, x, y [m] and theta [rad], or float64, shape (3,).
     information : float64, shape (6,), upper triangle of its information matrix in the submap's
         axes: xx, xy, xt, yy, yt, tt.
     scale : scale of Cauchy's loss on it [standard deviations]: predictions fail occasionally.
     """
 
-    pose: FloatArray
+    pose: Place | FloatArray
     information: FloatArray
     scale: float
 
@@ -234,7 +238,11 @@ def predicted_decrease(system: FloatArray, damping: float, step: FloatArray) -> 
 
 @borrowing_kernel
 def exceeds(
-    smooth_map: SmoothMap, unknown: float, points: FloatArray, pose: FloatArray, max_squares: float
+    smooth_map: SmoothMap,
+    unknown: float,
+    points: FloatArray,
+    pose: Place | FloatArray,
+    max_squares: float,
 ) -> bool:
     """Return whether the sum of squares of (CS) at a pose is larger than a limit.
 
@@ -243,7 +251,7 @@ def exceeds(
     Parameters
     ----------
     smooth_map, unknown, points : as in :func:`accumulate_match`.
-    pose : float64, shape (3,), tf_submap_scan.
+    pose : tf_submap_scan.
     max_squares : the limit.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -263,7 +271,7 @@ def match_least_squares(
     smooth_map: SmoothMap,
     unknown: float,
     points: FloatArray,
-    start: FloatArray,
+    start: Place | FloatArray,
     prior: MotionPrior,
     options: MatchOptions,
     max_start_squares: float,
@@ -274,8 +282,8 @@ def match_least_squares(
     Parameters
     ----------
     smooth_map, unknown, points : as in :func:`accumulate_match`.
-    start : float64, shape (3,), tf_submap_scan to start from; angle within pi of the prior's, not
-        wrapped.
+    start : tf_submap_scan to start from, x, y [m] and theta [rad], or float64, shape (3,); theta
+        within pi of the prior's, not wrapped.
     prior : the predicted pose.
     options : weights and limits.
     max_start_squares : if the points' sum of squares is larger at the start, the scan is left
@@ -292,7 +300,7 @@ def match_least_squares(
     if max_start_squares < np.inf and exceeds(
         smooth_map, unknown, points, start, max_start_squares
     ):
-        out_match[:3] = start
+        out_match[0], out_match[1], out_match[2] = start[0], start[1], start[2]
         out_match[3:SQUARES] = 0.0
         out_match[SQUARES:] = np.inf
         return 1
@@ -342,8 +350,8 @@ def match_scan(
     smooth_map: SmoothMapFields,
     unknown: float,
     points: FloatArray,
-    start: FloatArray,
-    prior: tuple[FloatArray, FloatArray, float],
+    start: Place,
+    prior: tuple[Place, FloatArray, float],
     options: tuple[float, int, float],
     out_match: FloatArray,
 ) -> int:

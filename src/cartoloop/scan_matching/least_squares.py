@@ -84,8 +84,8 @@ def match(
         smooth_map[:],
         MIN_PROBABILITY,
         points,
-        np.array((start.x, start.y, near_start)),
-        (np.array(prior), prior_information, prior_scale),
+        (start.x, start.y, near_start),
+        (prior[:], prior_information, prior_scale),
         options[:],
         found,
     )
