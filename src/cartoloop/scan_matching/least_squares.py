@@ -83,7 +83,7 @@ def match(
     iterations = match_scan(
         smooth_map[:],
         MIN_PROBABILITY,
-        points,
+        np.ascontiguousarray(points),  # the only memory layout that the kernel takes
         (start.x, start.y, near_start),
         (prior[:], prior_information, prior_scale),
         options[:],
@@ -92,7 +92,7 @@ def match(
     x, y, theta, *_, squares, cost = found.tolist()
     return LeastSquaresMatch(
         Pose(x, y, wrap_angle(theta)),
-        found[_SYMMETRIC],
+        found.take(_SYMMETRIC),
         math.sqrt(squares / len(points)),
         cost,
         iterations,
