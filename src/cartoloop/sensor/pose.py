@@ -97,7 +97,7 @@ def wrap_angles(angles: FloatArray) -> FloatArray:
 
 def compose_all(tf_a_b: FloatArray, tf_b_c: FloatArray) -> FloatArray:
     """Return tf_a_c row by row; both of shape (n, 3), or one of them (3,) for all rows."""
-    tf_a_b, tf_b_c = np.broadcast_arrays(np.atleast_2d(tf_a_b), np.atleast_2d(tf_b_c))
+    tf_a_b, tf_b_c = np.atleast_2d(tf_a_b), np.atleast_2d(tf_b_c)
     cos, sin = np.cos(tf_a_b[:, 2]), np.sin(tf_a_b[:, 2])
     return np.column_stack(
         (
@@ -110,7 +110,7 @@ def compose_all(tf_a_b: FloatArray, tf_b_c: FloatArray) -> FloatArray:
 
 def relative_all(tf_a_b: FloatArray, tf_a_c: FloatArray) -> FloatArray:
     """Return tf_b_c row by row; both of shape (n, 3), or one of them (3,) for all rows."""
-    tf_a_b, tf_a_c = np.broadcast_arrays(np.atleast_2d(tf_a_b), np.atleast_2d(tf_a_c))
+    tf_a_b, tf_a_c = np.atleast_2d(tf_a_b), np.atleast_2d(tf_a_c)
     cos, sin = np.cos(tf_a_b[:, 2]), np.sin(tf_a_b[:, 2])
     dx, dy = tf_a_c[:, 0] - tf_a_b[:, 0], tf_a_c[:, 1] - tf_a_b[:, 1]
     return np.column_stack(
