@@ -72,6 +72,22 @@ def count_near_neighbours(
 
 
 @kernel
+def count_and_hide(
+    ranges: FloatArray,
+    min_range: float,
+    end_range: float,
+    near: float,
+    slope: float,
+    most: float,
+    counts: IntArray,
+    out_ranges: FloatArray,
+) -> int:
+    """Count the returns of a scan, see :func:`count_near_neighbours`, then :func:`hide_blocked`."""
+    count_near_neighbours(ranges, min_range, end_range, near, slope, counts)
+    return hide_blocked(ranges, min_range, end_range, counts, most, out_ranges)
+
+
+@kernel
 def hide_blocked(
     ranges: FloatArray,
     min_range: float,

@@ -28,7 +28,7 @@ MAX_BYTE = 255.0
 """The byte of probability 1, as a float: sums are divided by it."""
 
 _PLACE_BITS, _LEVEL_BITS = 15, 5
-"""Bits of a node that hold a column or a row, and its level."""
+"""Bits of a node that hold a column or a row, and its level. No memory holds a wider window."""
 
 
 @kernel
