@@ -92,6 +92,7 @@ LOCAL_SLAM = {
     "range_projection",
     "ray_casting",
     "ray_fan",
+    "search_order",
     "search_window",
     "scan_residuals",
     "slanting_walls",

@@ -11,6 +11,7 @@ import pytest
 import cartoloop
 from cartoloop.config import Config, LocalSlamConfig
 from cartoloop.errors import Interrupted
+from cartoloop.event_intake import EventIntake
 from cartoloop.first_pass import calibrate
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.mapper import Mapper
@@ -44,8 +45,8 @@ def test_a_clock_offset_is_known_after_a_part_of_the_recording(late):
 
 def test_the_pass_ends_at_its_limit(late, monkeypatch):
     mapped = []
-    add = Mapper.add
-    monkeypatch.setattr(Mapper, "add", lambda self, e: (mapped.append(e), add(self, e))[1])
+    take = EventIntake.take
+    monkeypatch.setattr(EventIntake, "take", lambda self, e: (mapped.append(e), take(self, e))[1])
 
     monkeypatch.setattr("cartoloop.first_pass.MAX_SHARE", 0.01)
     monkeypatch.setattr("cartoloop.first_pass.LEAST_SCANS", 0)
@@ -120,7 +121,8 @@ def test_a_run_learns_first_and_counts_nothing_twice(late, monkeypatch):
     monkeypatch.setattr(Mapper, "__init__", note)
     result = cartoloop.map_recording(late)
 
-    assert [model is None for model in given] == [True, False]
+    assert len(given) == 1
+    assert given[0] is not None
     assert result.report.input.scans == late.num_scans == len(result.stamps)
     assert result.report.extra["odometry"]["time_offset_s"] == pytest.approx(OFFSET, abs=0.03)
 
@@ -131,7 +133,7 @@ def test_a_failure_is_left_to_the_pass_that_maps(late, monkeypatch, failure):
         raise failure
 
     stop = StopRequest()
-    monkeypatch.setattr(Mapper, "add", fail)
+    monkeypatch.setattr(EventIntake, "take", fail)
     assert calibrate(late, Config(), stop) is None
     assert stop.made == (failure is KeyboardInterrupt)
 

@@ -12,13 +12,15 @@ import logging
 from typing import TYPE_CHECKING
 
 from cartoloop.config import Config
+from cartoloop.event_intake import EventIntake
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import RecordedOutcomes
 from cartoloop.local_slam.clock_offset import FIRST_ESTIMATE
+from cartoloop.local_slam.local_slam import LocalSlam
 from cartoloop.local_slam.odometry_veer import MIN_STRETCHES
 from cartoloop.local_slam.prediction_record import DOUBTFUL
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
-from cartoloop.mapper import Mapper
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.events import Odometry
 from cartoloop.stop_request import StopRequest
 
@@ -58,8 +60,8 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
     config : of the mapping; loops are not closed here.
     stop : ends the pass early.
     """
-    open_loop = config.global_slam.model_copy(update={"optimize_every_n_nodes": 0})
-    mapper = Mapper(config.model_copy(update={"global_slam": open_loop}))
+    slam = LocalSlam(config.local_slam, config.sensor, None, StageTimer())
+    intake = EventIntake(config.sensor, slam, accepts_late_odometry=False)
     limit = max(MAX_SHARE * log.num_scans, LEAST_SCANS)
     last = max(limit, MOST_SCANS)
     has_odometry = False
@@ -67,12 +69,14 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
     try:
         for event in events:
             has_odometry = has_odometry or isinstance(event, Odometry)
-            mapper.add(event)
-            known = mapper.calibration
+            if intake.take(event):
+                for scan in intake.ready_scans(event.time):
+                    slam.add_scan(scan)
+            known = slam.calibration
             has_turned = known.odometry.knows_rotation
-            if stop.made or mapper.num_scans > (limit if has_turned else last):
+            if stop.made or intake.num_scans > (limit if has_turned else last):
                 break
-            if mapper.num_scans <= FIRST_ESTIMATE:
+            if intake.num_scans <= FIRST_ESTIMATE:
                 continue
             uses_odometry = has_odometry and config.local_slam.use_odometry
             is_alone = len(known.scanner_offsets) < 2
@@ -86,8 +90,7 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
         _logger.debug("the pass over the beginning ended: %s", error)
     finally:
         events.close()
-        mapper.close()
-    found = mapper.calibration
+    found = slam.calibration
     odometry, is_doubtful = found.odometry, found.odometry_score >= DOUBTFUL
     is_known = odometry.knows_rotation or odometry.knows_scale or found.odometry_held_s > 0.0
     is_doubtful |= found.odometry_is_mirrored

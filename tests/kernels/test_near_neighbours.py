@@ -9,7 +9,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cartoloop.kernels.near_neighbours import count_near_neighbours, have_near_neighbour
+from cartoloop.kernels.near_neighbours import (
+    count_near_neighbours,
+    have_near_neighbour,
+    hide_blocked,
+)
 
 NEAR, SLOPE = 0.3, 0.1
 MIN_RANGE, END_RANGE = 0.2, 8.0
@@ -51,3 +55,16 @@ def test_ranges_are_compared_with_those_beside_them(values):
     counts = np.full(len(values), 7)
     count_near_neighbours(np.array(values, dtype=float), MIN_RANGE, END_RANGE, NEAR, SLOPE, counts)
     assert (counts - 7).tolist() == naive_counts(values)
+
+
+@given(st.lists(st.tuples(ranges, st.integers(0, 9)), min_size=1, max_size=30), st.floats(0.0, 9.0))
+def test_blocked_beams_hide_all_but_their_returns(beams, most):
+    values, counts = (np.array(column) for column in zip(*beams, strict=True))
+    hidden = np.empty(len(values))
+    least = hide_blocked(values.astype(float), MIN_RANGE, END_RANGE, counts, most, hidden)
+    expected = [
+        value if count > most or MIN_RANGE <= value < END_RANGE else math.nan
+        for value, count in beams
+    ]
+    np.testing.assert_array_equal(hidden, expected)
+    assert least == min(counts)

@@ -10,7 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.range_projection import Position, RangeLimits, project_ranges
+from cartoloop.kernels.range_projection import (
+    Position,
+    RangeLimits,
+    project_and_thin,
+    project_ranges,
+)
+from cartoloop.kernels.voxel_filter import voxel_filter
 
 MIN_RANGE, MAX_RANGE, NO_RETURN, FREE = 0.5, 10.0, 20.0, 4.0
 AHEAD = np.array([[1.0, 0.0]])
@@ -171,3 +177,23 @@ def test_points_are_within_the_limits_for_any_ranges(ranges):
     assert len(returns) + len(misses) <= len(ranges)
     assert ((returns[:, 0] >= MIN_RANGE) & (returns[:, 0] <= MAX_RANGE)).all()
     assert (misses[:, 0] == FREE).all()
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), num_beams=st.integers(0, 60), edge=st.floats(0.05, 2.0))
+def test_one_call_projects_and_thins(seed, num_beams, edge):
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(-math.pi, math.pi, num_beams)
+    ranges = rng.choice([0.1, 1.0, 3.0, 15.0, 25.0, math.inf, math.nan], num_beams)
+    directions = np.column_stack((np.cos(angles), np.sin(angles)))
+    origin = (0.3, -0.2, 0.0)
+    limits = RangeLimits(MIN_RANGE, MAX_RANGE, NO_RETURN, True, FREE, 1)[:]
+    ends = [np.empty((num_beams, 2)) for _ in range(4)]
+    apart = project_ranges(ranges, directions, origin, limits, *ends[:2])
+    kept = [
+        voxel_filter(points, count, edge, points)
+        for points, count in zip(ends[:2], apart, strict=True)
+    ]
+    assert list(project_and_thin(ranges, directions, origin, limits, edge, *ends[2:])) == kept
+    for one, other, count in zip(ends[:2], ends[2:], kept, strict=True):
+        assert one[:count].tolist() == other[:count].tolist()

@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 
 from cartoloop.kernels.smooth_map import (
     D_ROW,
+    NOWHERE,
     NUM_ROWS,
     PATCH_CELLS,
     VALUE,
     PointScratch,
     SmoothMap,
+    point_scratch,
     sample_smooth_map,
     smooth_value,
 )
@@ -45,6 +47,7 @@ def sample(grid, points, pose=(0.0, 0.0, 0.0), origin=(0.0, 0.0), resolution=1.0
     points = np.array(points, dtype=np.float64).reshape(-1, 2)
     scratch = PointScratch(
         np.empty((2, len(points)), dtype=np.int64),
+        np.full((2, len(points)), NOWHERE, dtype=np.int64),
         np.full((PATCH_CELLS, len(points)), np.nan, dtype=np.float32),
         np.full((NUM_ROWS, len(points)), np.nan),
     )
@@ -125,6 +128,19 @@ def test_the_smooth_map_goes_through_the_centres_of_cells():
         for col in range(COLS):
             expected = float(grid[row, col]) or UNKNOWN
             assert smooth_probability(grid, col, row)[0] == pytest.approx(expected)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=seeds, num_points=st.integers(1, 40), reach=st.sampled_from((0.01, 0.1, 2.0)))
+def test_poses_in_turn_are_sampled_as_if_alone(seed, num_points, reach):
+    rng = np.random.default_rng(seed)
+    grid, origin, resolution = random_grid(seed, (20, 24)), (-1.0, -1.1), 0.1
+    points = rng.uniform(-1.5, 1.5, (num_points, 2))
+    scratch = point_scratch(num_points)
+    for pose in rng.uniform(-reach, reach, (6, 3)).tolist():
+        sample_smooth_map(SmoothMap(grid, *origin, resolution), UNKNOWN, points, *pose, scratch)
+        alone = sample(grid, points, pose, origin, resolution)
+        assert scratch.samples[VALUE : D_ROW + 1].T.tolist() == alone.tolist()
 
 
 @settings(deadline=None, max_examples=60)

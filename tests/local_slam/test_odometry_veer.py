@@ -200,10 +200,12 @@ def test_a_corrected_step_is_an_arc(veer, heading, length):
 
 
 def test_scans_of_two_scanners_are_not_steps_of_each_other():
-    one = ScanSeries([0.0, 1.0, 2.0], [IDENTITY] * 3, [False, True, True], [True] * 3)
-    other = ScanSeries([0.5, 1.5], [IDENTITY] * 2, [False, True], [True] * 2)
+    one, other = ScanSeries(), ScanSeries()
+    for series, times in ((one, (0.0, 1.0, 2.0)), (other, (0.5, 1.5))):
+        for time in times:
+            series.add(time, Pose(time, 0.0, 0.0), is_matched=True)
     scans = latest([one, other], 2)
-    assert scans.times.tolist() == [1.0, 2.0, 0.5, 1.5]
+    assert scans.times.tolist() == scans.poses[:, 0].tolist() == [1.0, 2.0, 0.5, 1.5]
     assert scans.is_usable.tolist() == [False, True, False, True]
     assert one.is_usable == [False, True, True]
 

@@ -7,7 +7,7 @@ import gc
 import signal
 import sys
 
-GARBAGE_THRESHOLD = 20_000
+GARBAGE_THRESHOLD = 100_000
 """Objects between two searches for unreachable cycles. Nearly all objects of a run are freed
 without; by default, modules that are loaded are searched again and again."""
 

@@ -22,18 +22,17 @@ from numpy.typing import NDArray
 
 from cartoloop._jit import borrowing_kernel, inlined_kernel, kernel
 from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
+from cartoloop.kernels.search_order import order_by_key
 from cartoloop.kernels.smooth_map import PatchArray, SmoothMap, SmoothMapFields
 from cartoloop.kernels.window_bounds import (
-    COL,
-    LEVEL,
     MAX_BYTE,
-    ROW,
-    SUM,
     bounding_grids,
     box_sizes,
     index_points,
+    packed_node,
     push_quarters,
     sum_one,
+    unpacked_node,
 )
 
 ROUNDING = 2.4e-7
@@ -160,31 +159,6 @@ def mean_probability(
     return np.float64(total) / cols.size
 
 
-@borrowing_kernel
-def keep_live(bounds: FloatArray, best: float, live: IntArray, num_live: int) -> int:
-    """Drop the rotations that cannot be best, move the most promising to the end; return the rest.
-
-    Parameters
-    ----------
-    bounds : float64, shape (num_rotations,).
-    best : the best score so far; rotations with a smaller bound are dropped.
-    live : int64, shape (num_rotations,): the first `num_live` are the rotations left to
-        search.
-    """
-    kept = 0
-    largest = 0
-    for i in range(num_live):
-        j = live[i]
-        if bounds[j] >= best:
-            live[kept] = j
-            if bounds[j] > bounds[live[largest]]:
-                largest = kept
-            kept += 1
-    if kept > 0:
-        live[largest], live[kept - 1] = live[kept - 1], live[largest]
-    return kept
-
-
 @inlined_kernel
 def search_rotation(
     grid: PatchArray,
@@ -208,7 +182,7 @@ def search_rotation(
     cols, rows : int32, shape (n,), cells of the points at the rotation, without translation.
     number : of the rotation, from the window's first one on.
     factor : a sum of bytes times this bounds the penalised score.
-    stack : int64, shape (m, 4), scratch.
+    stack : int64, shape (m,), scratch.
     best : float64, shape (3,), the best candidate so far.
     out_steps : int64, shape (3,), its translation [cells] and rotation [steps] from the estimate.
     """
@@ -216,27 +190,27 @@ def search_rotation(
     width = 2 * half_width + 1
     box_cells, indices, sizes = boxes.cells, boxes.indices, boxes.sizes
     turn = number - window.half_num_rotations
-    stack[0] = 0
-    stack[0, SUM] = np.int64(MAX_BYTE) * num_points
+    stack[0] = packed_node(np.int64(MAX_BYTE) * num_points, 0, 0, 0)
     height = 1
     while height > 0:
         height -= 1
-        if stack[height, SUM] * factor < best[WEIGHTED]:
+        total, level, row, col = unpacked_node(stack[height])
+        if total * factor < best[WEIGHTED]:
             continue
-        if stack[height, LEVEL] < sizes.size - 1:
+        if level < sizes.size - 1:
             height = push_quarters(
                 box_cells, indices, number * num_points, num_points, boxes.area, boxes.row_length,
-                sizes, stack, height,
+                sizes, stack[height], stack, height,
             )  # fmt: skip
             continue
-        dx = stack[height, COL] - half_width
-        dy = stack[height, ROW] - half_width
+        dx = col - half_width
+        dy = row - half_width
         score = mean_probability(grid, np.float32(unknown), cols, rows, dx, dy)
         distance = resolution * math.sqrt(dx * dx + dy * dy)
         rotation = turn * window.rotation_step
         delta = window.translation_weight * distance + window.rotation_weight * abs(rotation)
         weighted = score * math.exp(-delta * delta)
-        order = (number * width + stack[height, ROW]) * width + stack[height, COL]
+        order = (number * width + row) * width + col
         if weighted > best[WEIGHTED] or (weighted == best[WEIGHTED] and order < best[ORDER]):
             best[WEIGHTED], best[SCORE], best[ORDER] = weighted, score, order
             out_steps[0], out_steps[1], out_steps[2] = dx, dy, turn
@@ -300,18 +274,16 @@ def match_correlative(
         delta = limits.rotation_weight * abs((j - half_num_rotations) * step)
         factors[j] = math.exp(-delta * delta) * rounding / (MAX_BYTE * num_points)
         bounds[j] = sum_one(cells, index, j * num_points, num_points, 0) * factors[j]
-    live, num_live = np.arange(num_rotations), num_rotations
-    stack = np.empty((4 * sizes.size + 1, 4), dtype=np.int64)
+    stack = np.empty(4 * sizes.size + 1, dtype=np.int64)
     best, steps = np.zeros(3), np.zeros(3, dtype=np.int64)
     best[WEIGHTED] = -1.0
-    num_live = keep_live(bounds, best[WEIGHTED], live, num_live)
-    while num_live > 0:
-        j = live[num_live - 1]
+    for j in order_by_key(bounds.reshape((num_rotations, 1)), 0, num_rotations):
+        if bounds[j] < best[WEIGHTED]:
+            break
         search_rotation(
             map_cells, unknown, resolution, boxes, cols[j], rows[j], limits, j, factors[j], stack,
             best, steps,
         )  # fmt: skip
-        num_live = keep_live(bounds, best[WEIGHTED], live, num_live - 1)
     out_pose[0] = estimate[0] + steps[0] * resolution
     out_pose[1] = estimate[1] + steps[1] * resolution
     out_pose[2] = estimate[2] + steps[2] * step

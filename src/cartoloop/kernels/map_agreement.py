@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop._jit import borrowing_kernel, kernel
-from cartoloop.arrays import ByteArray, FloatArray, IntArray
+from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from cartoloop.kernels.scan_batch import ScanBatch
 
 
@@ -159,10 +159,12 @@ def best_shifts(
     out_shifts : float64, shape (k, 5): number of points that fit near, and elsewhere; displacement
         x, y [m] and turn [rad] elsewhere. Of equal ones the first wins.
     """
+    at_wall = _mark_walls(grid.cells, wall)
     for i in range(firsts.shape[0]):
         group = points[firsts[i] : ends[i]]
         centre_x, centre_y = _centre(group)
-        out_shifts[i, :] = 0.0
+        for k in range(out_shifts.shape[1]):
+            out_shifts[i, k] = 0.0
         rows = np.empty(group.shape[0], dtype=np.int64)
         cols = np.empty(group.shape[0], dtype=np.int64)
         for turn in range(-window.turns, window.turns + 1):
@@ -174,7 +176,7 @@ def best_shifts(
                 turned_y = centre_y + sin * x + cos * y
                 cols[j] = np.int64(np.floor((turned_x - grid.origin_x) / grid.resolution))
                 rows[j] = np.int64(np.floor((turned_y - grid.origin_y) / grid.resolution))
-            _try_shifts(grid, wall, window, rows, cols, angle, out_shifts[i])
+            _try_shifts(at_wall, grid.resolution, window, rows, cols, angle, out_shifts[i])
 
 
 @kernel
@@ -197,17 +199,19 @@ def count_along(
     shifts : float64, shape (s,) [m].
     out_counts : int64, shape (k, s).
     """
+    at_wall = _mark_walls(grid.cells, wall)
     for i in range(firsts.shape[0]):
         group = points[firsts[i] : ends[i]]
+        flat = group.reshape(-1)  # vectorised only with a stride that is known
         rows = np.empty(group.shape[0], dtype=np.int64)
         cols = np.empty(group.shape[0], dtype=np.int64)
         for s in range(shifts.shape[0]):
             x = shifts[s] * directions[i, 0] - grid.origin_x
             y = shifts[s] * directions[i, 1] - grid.origin_y
             for j in range(group.shape[0]):
-                cols[j] = np.int64(np.floor((group[j, 0] + x) / grid.resolution))
-                rows[j] = np.int64(np.floor((group[j, 1] + y) / grid.resolution))
-            out_counts[i, s] = _num_fitting(grid.cells, wall, rows, cols, 0, 0, -1.0)
+                cols[j] = np.int64(np.floor((flat[2 * j] + x) / grid.resolution))
+                rows[j] = np.int64(np.floor((flat[2 * j + 1] + y) / grid.resolution))
+            out_counts[i, s] = _num_fitting(at_wall, rows, cols, 0, 0, -1.0)
 
 
 @borrowing_kernel
@@ -223,8 +227,8 @@ def _centre(points: FloatArray) -> tuple[float, float]:
 
 @borrowing_kernel
 def _try_shifts(
-    grid: CellGrid,
-    wall: int,
+    at_wall: BoolArray,
+    resolution: float,
     window: ShiftWindow,
     rows: IntArray,
     cols: IntArray,
@@ -240,8 +244,7 @@ def _try_shifts(
                 continue
             best = out_shift[0] if squared <= near else out_shift[1]
             fitting = _num_fitting(
-                grid.cells,
-                wall,
+                at_wall,
                 rows,
                 cols,
                 down * window.step_cells,
@@ -251,17 +254,29 @@ def _try_shifts(
             if squared <= near:
                 out_shift[0] = max(best, fitting)
             elif fitting > best:
-                step = window.step_cells * grid.resolution
+                step = window.step_cells * resolution
                 out_shift[1] = fitting
                 out_shift[2] = right * step
                 out_shift[3] = down * step
                 out_shift[4] = angle
 
 
+@kernel
+def _mark_walls(cells: ByteArray, wall: int) -> BoolArray:
+    """Return where one of two by two cells is at least `wall`, by the lower left one of them."""
+    num_rows, num_cols = max(cells.shape[0] - 1, 0), max(cells.shape[1] - 1, 0)
+    at_wall = np.empty((num_rows, num_cols), dtype=np.bool_)
+    for row in range(num_rows):
+        lower, upper, out = cells[row], cells[row + 1], at_wall[row]
+        for col in range(num_cols):
+            highest = max(lower[col], lower[col + 1], upper[col], upper[col + 1])
+            out[col] = highest >= wall
+    return at_wall
+
+
 @borrowing_kernel
 def _num_fitting(
-    cells: ByteArray,
-    wall: int,
+    at_wall: BoolArray,
     rows: IntArray,
     cols: IntArray,
     down: int,
@@ -272,21 +287,15 @@ def _num_fitting(
 
     Parameters
     ----------
+    at_wall : as :func:`_mark_walls` returns it.
     best : it ends early, with less, where it cannot become more than this; -1: it does not.
     """
-    num_rows, num_cols = cells.shape
+    num_rows, num_cols = at_wall.shape
     count, fitting = rows.shape[0], 0
     for j in range(count):
         if fitting + count - j <= best:
             break
         row, col = rows[j] + down, cols[j] + right
-        if not (0 <= row < num_rows - 1 and 0 <= col < num_cols - 1):
-            continue
-        if (
-            cells[row, col] >= wall
-            or cells[row, col + 1] >= wall
-            or cells[row + 1, col] >= wall
-            or cells[row + 1, col + 1] >= wall
-        ):
+        if 0 <= row < num_rows and 0 <= col < num_cols and at_wall[row, col]:
             fitting += 1
     return fitting

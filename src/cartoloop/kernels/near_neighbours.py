@@ -72,5 +72,48 @@ def count_near_neighbours(
 
 
 @kernel
+def count_and_hide(
+    ranges: FloatArray,
+    min_range: float,
+    end_range: float,
+    near: float,
+    slope: float,
+    most: float,
+    counts: IntArray,
+    out_ranges: FloatArray,
+) -> int:
+    """Count the returns of a scan, see :func:`count_near_neighbours`, then :func:`hide_blocked`."""
+    count_near_neighbours(ranges, min_range, end_range, near, slope, counts)
+    return hide_blocked(ranges, min_range, end_range, counts, most, out_ranges)
+
+
+@kernel
+def hide_blocked(
+    ranges: FloatArray,
+    min_range: float,
+    end_range: float,
+    counts: IntArray,
+    most: float,
+    out_ranges: FloatArray,
+) -> int:
+    """Write the ranges of a scan, NaN where blocked beams have no return; return the least count.
+
+    Parameters
+    ----------
+    ranges : float64, shape (n,) [m].
+    min_range, end_range : a range in [min_range, end_range) is a return [m].
+    counts : int64, shape (n,), returns of each beam so far.
+    most : beams with no more are blocked.
+    out_ranges : float64, shape (n,) [m].
+    """
+    least = np.iinfo(np.int64).max
+    for k in range(ranges.shape[0]):
+        least = min(least, counts[k])
+        is_hidden = counts[k] <= most and not _is_within(ranges[k], min_range, end_range)
+        out_ranges[k] = np.nan if is_hidden else ranges[k]
+    return least
+
+
+@kernel
 def _is_within(value: float, first: float, end: float) -> bool:
     return first <= value < end

@@ -130,9 +130,10 @@ def place_candidate(
     x0, y0, origin_x, origin_y = frame.x, frame.y, frame.origin_x, frame.origin_y
     resolution = frame.resolution
     out_cols, out_rows, out_boxes = out_places.cols, out_places.rows, out_places.boxes
+    flat = points.reshape(-1)  # vectorised only with a stride that is known
     for k in range(points.shape[0]):
-        x = x0 + (cos * points[k, 0] - sin * points[k, 1]) - origin_x
-        y = y0 + (sin * points[k, 0] + cos * points[k, 1]) - origin_y
+        x = x0 + (cos * flat[2 * k] - sin * flat[2 * k + 1]) - origin_x
+        y = y0 + (sin * flat[2 * k] + cos * flat[2 * k + 1]) - origin_y
         out_cols[first + k] = np.int32(np.floor(x / resolution + 0.5))
         out_rows[first + k] = np.int32(np.floor(y / resolution + 0.5))
         out_boxes[first + k] = box
@@ -168,8 +169,9 @@ def place_group(
     scale = 1.0 / frame.resolution
     x0 = (frame.x - frame.origin_x) * scale + 0.5
     y0 = (frame.y - frame.origin_y) * scale + 0.5
+    flat = points.reshape(-1)  # vectorised only with a stride that is known
     for k in range(points.shape[0]):
-        x, y = points[k, 0] * scale, points[k, 1] * scale
+        x, y = flat[2 * k] * scale, flat[2 * k + 1] * scale
         begin_x, begin_y = cos0 * x - sin0 * y, sin0 * x + cos0 * y
         end_x, end_y = cos1 * x - sin1 * y, sin1 * x + cos1 * y
         beyond = math.sqrt(x * x + y * y) * sagitta

@@ -9,6 +9,7 @@ import numpy as np
 
 from cartoloop._jit import kernel
 from cartoloop.arrays import FloatArray
+from cartoloop.kernels.voxel_filter import voxel_filter
 
 
 class Position(NamedTuple):
@@ -115,3 +116,31 @@ def project_ranges(
             out_misses[num_misses, 1] = origin_y + length * directions[k, 1]
             num_misses += 1
     return num_returns, num_misses
+
+
+@kernel
+def project_and_thin(
+    ranges: FloatArray,
+    directions: FloatArray,
+    origin: tuple[float, float, float],
+    limits: tuple[float, float, float, bool, float, int],
+    edge: float,
+    out_returns: FloatArray,
+    out_misses: FloatArray,
+) -> tuple[int, int]:
+    """Write the ends of a scan's beams as :func:`project_ranges` does, one of each voxel.
+
+    One call from Python, as each costs as much as what it does.
+
+    Parameters
+    ----------
+    ranges, directions, origin, limits, out_returns, out_misses : see :func:`project_ranges`.
+    edge : of the voxels [m].
+    """
+    num_returns, num_misses = project_ranges(
+        ranges, directions, origin, limits, out_returns, out_misses
+    )
+    return (
+        voxel_filter(out_returns, num_returns, edge, out_returns),
+        voxel_filter(out_misses, num_misses, edge, out_misses),
+    )

@@ -15,6 +15,10 @@ from cartoloop.kernels.smooth_map import (
     ARM_Y,
     D_COL,
     D_ROW,
+    ERROR,
+    J_THETA,
+    J_X,
+    J_Y,
     VALUE,
     PointScratch,
     SmoothMap,
@@ -43,18 +47,22 @@ SQUARES, COST = 9, 10
 """Entries of `out_match` after pose and curvature: sum of squares of the points, total cost."""
 
 
+Place = tuple[float, float, float]
+"""A pose as a plain tuple: calls from Python take it faster than an array."""
+
+
 class MotionPrior(NamedTuple):
     """The predicted pose of a scan and how much it is trusted.
 
     Attributes
     ----------
-    pose : float64, shape (3,), tf_submap_scan as predicted [m], [m], [rad].
+    pose : tf_submap_scan as predicted, x, y [m] and theta [rad], or float64, shape (3,).
     information : float64, shape (6,), upper triangle of its information matrix in the submap's
         axes: xx, xy, xt, yy, yt, tt.
     scale : scale of Cauchy's loss on it [standard deviations]: predictions fail occasionally.
     """
 
-    pose: FloatArray
+    pose: Place | FloatArray
     information: FloatArray
     scale: float
 
@@ -75,6 +83,41 @@ class MatchOptions(NamedTuple):
 
 
 @borrowing_kernel
+def differentiate_residuals(
+    resolution: float, walls: FloatArray, theta: float, samples: FloatArray
+) -> None:
+    """Write the residuals of (CS) and their derivatives into `samples`.
+
+    Along a straight wall the map looks the same everywhere. Where its values change there, they
+    show how often it was observed, or where that ends, and would attract the scan to what is known
+    best. So the derivatives count across the wall only.
+
+    Parameters
+    ----------
+    resolution : edge of a cell [m].
+    walls : float64, shape (2, n), as :func:`wall_directions` writes it.
+    theta : of the scan, submap frame [rad].
+    samples : float64, shape (11, n), with M_smooth; the last four rows are written.
+    """
+    scale = 1.0 / resolution
+    cos, sin = math.cos(2.0 * theta), math.sin(2.0 * theta)
+    for k in range(samples.shape[1]):
+        jx = -samples[D_COL, k] * scale
+        jy = -samples[D_ROW, k] * scale
+        is_wall = walls[0, k] ** 2 + walls[1, k] ** 2  # 1 or 0
+        wall_cos = cos * walls[0, k] - sin * walls[1, k]
+        wall_sin = sin * walls[0, k] + cos * walls[1, k]
+        along_x = 0.5 * ((is_wall + wall_cos) * jx + wall_sin * jy)
+        along_y = 0.5 * (wall_sin * jx + (is_wall - wall_cos) * jy)
+        jx -= along_x
+        jy -= along_y
+        samples[ERROR, k] = 1.0 - samples[VALUE, k]
+        samples[J_X, k] = jx
+        samples[J_Y, k] = jy
+        samples[J_THETA, k] = -jx * samples[ARM_Y, k] + jy * samples[ARM_X, k]
+
+
+@borrowing_kernel
 def accumulate_match(
     smooth_map: SmoothMap,
     unknown: float,
@@ -88,10 +131,6 @@ def accumulate_match(
 ) -> float:
     """Write the normal equations of (CS) at a pose into `out_system`; return the sum of squares.
 
-    Along a straight wall the map looks the same everywhere. Where its values change there, they
-    show how often it was observed, or where that ends, and would attract the scan to what is known
-    best. So the derivatives count across the wall only.
-
     Parameters
     ----------
     smooth_map : the occupancy grid.
@@ -102,23 +141,12 @@ def accumulate_match(
     scratch : for n points.
     out_system : float64, shape (9,): upper triangle of J^T J (xx, xy, xt, yy, yt, tt), then J^T e.
     """
-    sample_smooth_map(smooth_map, unknown, points, x, y, theta, scratch)
     samples = scratch.samples
-    scale = 1.0 / smooth_map.resolution
+    sample_smooth_map(smooth_map, unknown, points, x, y, theta, scratch)
+    differentiate_residuals(smooth_map.resolution, walls, theta, samples)
     xx = xy = xt = yy = yt = tt = bx = by = bt = total = 0.0
-    cos, sin = math.cos(2.0 * theta), math.sin(2.0 * theta)
     for k in range(points.shape[0]):
-        error = 1.0 - samples[VALUE, k]
-        jx = -samples[D_COL, k] * scale
-        jy = -samples[D_ROW, k] * scale
-        is_wall = walls[0, k] ** 2 + walls[1, k] ** 2  # 1 or 0
-        wall_cos = cos * walls[0, k] - sin * walls[1, k]
-        wall_sin = sin * walls[0, k] + cos * walls[1, k]
-        along_x = 0.5 * ((is_wall + wall_cos) * jx + wall_sin * jy)
-        along_y = 0.5 * (wall_sin * jx + (is_wall - wall_cos) * jy)
-        jx -= along_x
-        jy -= along_y
-        jt = -jx * samples[ARM_Y, k] + jy * samples[ARM_X, k]
+        error, jx, jy, jt = samples[ERROR, k], samples[J_X, k], samples[J_Y, k], samples[J_THETA, k]
         xx += jx * jx
         xy += jx * jy
         xt += jx * jt
@@ -210,7 +238,11 @@ def predicted_decrease(system: FloatArray, damping: float, step: FloatArray) -> 
 
 @borrowing_kernel
 def exceeds(
-    smooth_map: SmoothMap, unknown: float, points: FloatArray, pose: FloatArray, max_squares: float
+    smooth_map: SmoothMap,
+    unknown: float,
+    points: FloatArray,
+    pose: Place | FloatArray,
+    max_squares: float,
 ) -> bool:
     """Return whether the sum of squares of (CS) at a pose is larger than a limit.
 
@@ -219,7 +251,7 @@ def exceeds(
     Parameters
     ----------
     smooth_map, unknown, points : as in :func:`accumulate_match`.
-    pose : float64, shape (3,), tf_submap_scan.
+    pose : tf_submap_scan.
     max_squares : the limit.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -239,7 +271,7 @@ def match_least_squares(
     smooth_map: SmoothMap,
     unknown: float,
     points: FloatArray,
-    start: FloatArray,
+    start: Place | FloatArray,
     prior: MotionPrior,
     options: MatchOptions,
     max_start_squares: float,
@@ -250,8 +282,8 @@ def match_least_squares(
     Parameters
     ----------
     smooth_map, unknown, points : as in :func:`accumulate_match`.
-    start : float64, shape (3,), tf_submap_scan to start from; angle within pi of the prior's, not
-        wrapped.
+    start : tf_submap_scan to start from, x, y [m] and theta [rad], or float64, shape (3,); theta
+        within pi of the prior's, not wrapped.
     prior : the predicted pose.
     options : weights and limits.
     max_start_squares : if the points' sum of squares is larger at the start, the scan is left
@@ -268,7 +300,7 @@ def match_least_squares(
     if max_start_squares < np.inf and exceeds(
         smooth_map, unknown, points, start, max_start_squares
     ):
-        out_match[:3] = start
+        out_match[0], out_match[1], out_match[2] = start[0], start[1], start[2]
         out_match[3:SQUARES] = 0.0
         out_match[SQUARES:] = np.inf
         return 1
@@ -318,8 +350,8 @@ def match_scan(
     smooth_map: SmoothMapFields,
     unknown: float,
     points: FloatArray,
-    start: FloatArray,
-    prior: tuple[FloatArray, FloatArray, float],
+    start: Place,
+    prior: tuple[Place, FloatArray, float],
     options: tuple[float, int, float],
     out_match: FloatArray,
 ) -> int:

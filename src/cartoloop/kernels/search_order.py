@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop._jit import borrowing_kernel, kernel
-from cartoloop.arrays import IntArray
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW
 from cartoloop.kernels.search_window import SearchWindow
 
@@ -61,8 +61,13 @@ def node_key(
 
 
 @kernel
-def order_by_key(nodes: IntArray, first: int, count: int) -> IntArray:
-    """Return the indices of `count` nodes from `first` on, the largest key first (Shell's sort)."""
+def order_by_key(nodes: IntArray | FloatArray, first: int, count: int) -> IntArray:
+    """Return the indices of `count` nodes from `first` on, the largest key first (Shell's sort).
+
+    Parameters
+    ----------
+    nodes : shape (m, k), with the keys in the first column.
+    """
     order = np.arange(first, first + count)
     gap = 1
     while gap < count // 3:

@@ -18,13 +18,17 @@ from cartoloop.arrays import FloatArray, IntArray
 
 PatchArray = NDArray[np.float32]
 
-ARM_X, ARM_Y, BEYOND_COL, BEYOND_ROW, VALUE, D_COL, D_ROW = range(7)
+ARM_X, ARM_Y, BEYOND_COL, BEYOND_ROW, VALUE, D_COL, D_ROW, ERROR, J_X, J_Y, J_THETA = range(11)
 """Rows of `samples`: arm from the scan's origin to the point, in the submap's axes [m]; offset of
 the point from the centre of the cell below it, along columns and rows [cells]; M_smooth, and its
-derivatives along columns and rows [1/cell]."""
+derivatives along columns and rows [1/cell]; the residual of (CS), and its derivatives along x, y
+[1/m] and theta [1/rad], which :mod:`cartoloop.kernels.scan_residuals` writes."""
 
-NUM_ROWS = 7
+NUM_ROWS = 11
 """Number of rows of `samples`."""
+
+NOWHERE = np.iinfo(np.int64).max
+"""No column and no row of a cell: no rounded number is equal to it."""
 
 PATCH_CELLS = 16
 """Number of rows of `patches`: the 4 x 4 cells around a point, row after row."""
@@ -61,20 +65,23 @@ class PointScratch(NamedTuple):
     Attributes
     ----------
     cells : int64, shape (2, n), column and row of the cell below each point.
+    copied : int64, shape (2, n), the same of the cells around which `patches` are: of one map.
     patches : float32, shape (16, n), the 4 x 4 cells around each point; 0 outside of the grid.
-    samples : float64, shape (7, n), see :data:`NUM_ROWS`.
+    samples : float64, shape (11, n), see :data:`NUM_ROWS`.
     """
 
     cells: IntArray
+    copied: IntArray
     patches: PatchArray
     samples: FloatArray
 
 
 @kernel
 def point_scratch(num_points: int) -> PointScratch:
-    """Return memory to evaluate points in, of any content."""
+    """Return memory to evaluate points in, without any patches."""
     return PointScratch(
         np.empty((2, num_points), dtype=np.int64),
+        np.full((2, num_points), NOWHERE, dtype=np.int64),
         np.empty((PATCH_CELLS, num_points), dtype=np.float32),
         np.empty((NUM_ROWS, num_points), dtype=np.float64),
     )
@@ -97,16 +104,17 @@ def place_points(
     smooth_map : only its frame is used.
     points : float64, shape (n, 2), tracking frame [m].
     x, y, theta : tf_submap_scan.
-    out_samples : float64, shape (7, n); the first four rows are written.
+    out_samples : float64, shape (11, n); the first four rows are written.
     out_cells : int64, shape (2, n), column and row of the cell below each point.
     """
     origin_x, origin_y = smooth_map.origin_x, smooth_map.origin_y
     c = math.cos(theta)
     s = math.sin(theta)
     scale = 1.0 / smooth_map.resolution
+    flat = points.reshape(-1)  # vectorised only with a stride that is known
     for k in range(points.shape[0]):
-        arm_x = c * points[k, 0] - s * points[k, 1]
-        arm_y = s * points[k, 0] + c * points[k, 1]
+        arm_x = c * flat[2 * k] - s * flat[2 * k + 1]
+        arm_y = s * flat[2 * k] + c * flat[2 * k + 1]
         col = (x + arm_x - origin_x) * scale
         row = (y + arm_y - origin_y) * scale
         below_col = np.floor(col)
@@ -120,13 +128,18 @@ def place_points(
 
 
 @borrowing_kernel
-def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> bool:
+def copy_patches(
+    grid: PatchArray, cells: IntArray, copied: IntArray, out_patches: PatchArray
+) -> bool:
     """Write the 4 x 4 cells around each point into `out_patches`; return if all patches are inside.
+
+    Poses that are tried in turn are nearer and nearer to each other: most points stay in a cell.
 
     Parameters
     ----------
     grid : float32, shape (num_rows, num_cols), probabilities; 0 or less where never observed.
     cells : int64, shape (2, n), column and row of the cell below each point.
+    copied : int64, shape (2, n), the same of what is in `out_patches` already; is updated.
     out_patches : float32, shape (16, n); 0 outside of the grid.
     """
     num_rows, num_cols = grid.shape
@@ -138,7 +151,12 @@ def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> 
     for k in range(num_points):
         col = cells[0, k] - 1
         row = cells[1, k] - 1
-        if col >= 0 and row >= 0 and col + 3 < num_cols and row + 3 < num_rows:
+        is_inside = col >= 0 and row >= 0 and col + 3 < num_cols and row + 3 < num_rows
+        all_inside = all_inside and is_inside
+        if cells[0, k] == copied[0, k] and cells[1, k] == copied[1, k]:
+            continue
+        copied[0, k], copied[1, k] = cells[0, k], cells[1, k]
+        if is_inside:
             # Unsigned indices: no test for those that count from the end.
             at = np.uint64(row * num_cols + col)
             to = np.uint64(k)
@@ -150,7 +168,6 @@ def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> 
                 at += length
                 to += np.uint64(4) * stride
             continue
-        all_inside = False
         for i in range(4):
             for j in range(4):
                 value = np.float32(0.0)
@@ -215,8 +232,8 @@ def interpolate_patches(
     p : float32, shape (16, n), the cells around each point; 0 or less where never observed.
     unknown : the value of cells never observed.
     smoothing : as in :class:`SmoothMap`.
-    samples : float64, shape (7, n), offsets of the points in their cells; the last three rows are
-        written.
+    samples : float64, shape (11, n), offsets of the points in their cells; the rows of M_smooth and
+        of its derivatives are written.
     """
     for k in range(samples.shape[1]):
         u, v = samples[BEYOND_COL, k], samples[BEYOND_ROW, k]
@@ -253,7 +270,7 @@ def sample_smooth_map(
     """
     grid, cells, out_samples = smooth_map.cells, scratch.cells, scratch.samples
     place_points(smooth_map, points, x, y, theta, out_samples, cells)
-    all_inside = copy_patches(grid, cells, scratch.patches)
+    all_inside = copy_patches(grid, cells, scratch.copied, scratch.patches)
     interpolate_patches(scratch.patches, unknown, smooth_map.smoothing, out_samples)
     if all_inside:
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cartoloop._jit import inlined_kernel, kernel
+from cartoloop._jit import borrowing_kernel, inlined_kernel, kernel
 from cartoloop.arrays import FloatArray, IntArray
 
 
@@ -23,10 +23,11 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
     -----
     An open-addressing hash table of cell keys; O(n).
     """
-    keys = _empty_table(num_points)
+    cells, table = np.empty(num_points, dtype=np.int64), _empty_table(num_points)
+    number_cells(points, edge, cells)
     kept = 0
     for k in range(num_points):
-        if _is_first_in_cell(points, k, edge, keys):
+        if _is_first(cells[k], table):
             out_points[kept, 0] = points[k, 0]
             out_points[kept, 1] = points[k, 1]
             kept += 1
@@ -34,20 +35,23 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
 
 
 @kernel
-def _fills_cells(points: FloatArray, num_points: int, edge: float, needed: int) -> bool:
+def _fills_cells(points: FloatArray, edge: float, needed: int, cells: IntArray) -> bool:
     """Return whether the points lie in at least `needed` cells, as soon as that is certain.
 
     Parameters
     ----------
-    points, num_points, edge : as for :func:`voxel_filter`.
+    points, edge : as for :func:`voxel_filter`.
     needed : number of cells, positive.
+    cells : int64, shape (num_points,), scratch.
     """
-    keys = _empty_table(num_points)
+    num_points = cells.size
+    table = _empty_table(num_points)
+    number_cells(points, edge, cells)
     filled = 0
     for k in range(num_points):
         if filled + num_points - k < needed:
             return False
-        if _is_first_in_cell(points, k, edge, keys):
+        if _is_first(cells[k], table):
             filled += 1
             if filled == needed:
                 return True
@@ -63,18 +67,32 @@ def _empty_table(num_points: int) -> IntArray:
     return np.full(size, np.int64(-1), dtype=np.int64)
 
 
+@borrowing_kernel
+def number_cells(points: FloatArray, edge: float, out_cells: IntArray) -> None:
+    """Write the numbers of the cells of the first points into `out_cells`.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2) [m].
+    edge : the cells' edge [m].
+    out_cells : int64, shape (k,), k <= n, not negative.
+    """
+    flat = points.reshape(-1)  # vectorised only with a stride that is known
+    for k in range(out_cells.size):
+        cell_x = np.int64(np.floor(flat[2 * k] / edge)) + 1073741824
+        cell_y = np.int64(np.floor(flat[2 * k + 1] / edge)) + 1073741824
+        out_cells[k] = (cell_x << 31) | cell_y
+
+
 @inlined_kernel
-def _is_first_in_cell(points: FloatArray, k: int, edge: float, keys: IntArray) -> bool:
-    """Return whether no point was in the cell of a point, and enter the cell into the table."""
-    last = keys.size - 1
-    cell_x = np.int64(np.floor(points[k, 0] / edge)) + 1073741824
-    cell_y = np.int64(np.floor(points[k, 1] / edge)) + 1073741824
-    key = (cell_x << 31) | cell_y
-    slot = ((cell_x * 73856093) ^ (cell_y * 19349663)) & last
-    while keys[slot] != -1 and keys[slot] != key:
+def _is_first(cell: int, table: IntArray) -> bool:
+    """Return whether a cell is not in the table, and enter it."""
+    last = table.size - 1
+    slot = (((cell >> 31) * 73856093) ^ ((cell & 0x7FFFFFFF) * 19349663)) & last
+    while table[slot] != -1 and table[slot] != cell:
         slot = (slot + 1) & last
-    is_first: bool = keys[slot] == -1
-    keys[slot] = key
+    is_first: bool = table[slot] == -1
+    table[slot] = cell
     return is_first
 
 
@@ -117,6 +135,7 @@ def adaptive_voxel_filter(
     """
     near = np.empty_like(points)
     num_near = 0
+    cells = np.empty(points.shape[0], dtype=np.int64)
     for k in range(points.shape[0]):
         if points[k, 0] ** 2 + points[k, 1] ** 2 <= max_range * max_range:
             near[num_near, 0] = points[k, 0]
@@ -124,17 +143,18 @@ def adaptive_voxel_filter(
             num_near += 1
     if num_near <= min_num_points:
         return copy_points(near, num_near, out_points)
+    cells = cells[:num_near]
     low = high = max_length
-    is_enough = _fills_cells(near, num_near, low, min_num_points)
+    is_enough = _fills_cells(near, low, min_num_points, cells)
     while not is_enough and low > 1e-2 * max_length:
         high = low
         low = 0.5 * low
-        is_enough = _fills_cells(near, num_near, low, min_num_points)
+        is_enough = _fills_cells(near, low, min_num_points, cells)
     if not is_enough:
         return copy_points(near, num_near, out_points)
     while high - low > 0.1 * low:
         middle = 0.5 * (low + high)
-        if _fills_cells(near, num_near, middle, min_num_points):
+        if _fills_cells(near, middle, min_num_points, cells):
             low = middle
         else:
             high = middle

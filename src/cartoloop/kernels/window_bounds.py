@@ -4,6 +4,13 @@
 Probabilities rounded up to bytes, and the maxima of these over boxes of several sizes, bound the
 scores of all translations in a box by one look-up for each point. Sums of bytes are whole numbers,
 exact in any order.
+
+A node of the tree is one number, so that nodes are in the order of their sums: ::
+
+    bit 62           35 34          30 29         15 14          0
+        [ sum of bytes ][ tree level ][ window row ][ window column ]
+
+The translation of its box's first cell is counted from that of the window [cells].
 """
 
 from __future__ import annotations
@@ -20,9 +27,8 @@ from cartoloop.kernels.precomputation_grid import widen_boxes
 MAX_BYTE = 255.0
 """The byte of probability 1, as a float: sums are divided by it."""
 
-LEVEL, COL, ROW, SUM = range(4)
-"""Columns of a node on the stack: level in the tree, translation of its box's first cell from that
-of the window [cells], and sum of the bytes."""
+_PLACE_BITS, _LEVEL_BITS = 15, 5
+"""Bits of a node that hold a column or a row, and its level. No memory holds a wider window."""
 
 
 @kernel
@@ -191,6 +197,20 @@ def sum_quarters(
 
 
 @borrowing_kernel
+def packed_node(total: np.int64, level: int, row: int, col: int) -> np.int64:
+    """Return a node as one number."""
+    return (((((total << _LEVEL_BITS) | level) << _PLACE_BITS) | row) << _PLACE_BITS) | col
+
+
+@borrowing_kernel
+def unpacked_node(node: int) -> tuple[int, int, int, int]:
+    """Return sum, level, row and column of a node."""
+    places, level = (1 << _PLACE_BITS) - 1, (1 << _LEVEL_BITS) - 1
+    row, higher = (node >> _PLACE_BITS) & places, node >> (2 * _PLACE_BITS)
+    return higher >> _LEVEL_BITS, higher & level, row, node & places
+
+
+@borrowing_kernel
 def push_quarters(
     cells: ByteArray,
     index: CellArray,
@@ -199,33 +219,32 @@ def push_quarters(
     area: int,
     row_length: int,
     sizes: IntArray,
+    node: int,
     stack: IntArray,
     top: int,
 ) -> int:
-    """Replace the node ``stack[top]`` by its quarters, the best uppermost; return its new height.
+    """Push the quarters of a node on the stack, the best uppermost; return its new height.
 
     Parameters
     ----------
     cells, area, row_length : grids of maxima over the boxes of each level, `area` bytes each.
     index, first, num_points : where the points at the rotation look up the window's first cell.
     sizes : int64, shape (num_levels,), see :func:`box_sizes`.
-    stack : int64, shape (m, 4): nodes.
-    top : of the node on the stack; it is not of the last level.
+    node : it is not of the last level.
+    stack : int64, shape (m,): nodes.
+    top : height of the stack.
     """
-    level, col, row = stack[top, LEVEL] + 1, stack[top, COL], stack[top, ROW]
+    _, parent_level, row, col = unpacked_node(node)
+    level = parent_level + 1
     step = sizes[level - 1] - sizes[level]
     shift = level * area + row * row_length + col
-    sums = sum_quarters(cells, index, first, num_points, shift, step, step * row_length)
-    for quarter in range(4):
-        stack[top + quarter, LEVEL] = level
-        stack[top + quarter, COL] = col + step * (quarter % 2)
-        stack[top + quarter, ROW] = row + step * (quarter // 2)
-    stack[top, SUM], stack[top + 1, SUM], stack[top + 2, SUM], stack[top + 3, SUM] = sums
-    for i in range(top, top + 3):
-        least = i
-        for k in range(i + 1, top + 4):
-            if stack[k, SUM] < stack[least, SUM]:
-                least = k
-        for column in range(4):
-            stack[i, column], stack[least, column] = stack[least, column], stack[i, column]
+    here, right, above, corner = sum_quarters(
+        cells, index, first, num_points, shift, step, step * row_length
+    )
+    a, b = packed_node(here, level, row, col), packed_node(right, level, row, col + step)
+    c = packed_node(above, level, row + step, col)
+    d = packed_node(corner, level, row + step, col + step)
+    a, b, c, d = min(a, b), max(a, b), min(c, d), max(c, d)
+    a, b, c, d = min(a, c), min(b, d), max(a, c), max(b, d)
+    stack[top], stack[top + 1], stack[top + 2], stack[top + 3] = a, min(b, c), max(b, c), d
     return top + 4

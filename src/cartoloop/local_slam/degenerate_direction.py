@@ -44,11 +44,10 @@ def constrain_degenerate_direction(
     point_weight : factor of the points' information.
     pixel_information : information that the pixel noise is credited with [1/m^2].
     """
-    ratio, direction = degenerate_direction(match)
+    weak, strong, direction = _axes(match)
+    ratio = weak / strong if strong > 0.0 else 0.0
     if not 0.0 < ratio < 1.0:
         return match.tf_submap_scan
-    (xx, xy), (_, yy) = match.information[:2, :2].tolist()
-    strong = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
     seeming = point_weight * ratio * strong
     true = point_weight * max(ratio - config.spurious_information, 0.0) * strong
     true = min(seeming, true + pixel_information)
@@ -68,10 +67,16 @@ def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
     A small ratio indicates a corridor: the scan hardly determines the position along the direction
     [rad, grid axes].
     """
-    (xx, xy), (_, yy) = match.information[:2, :2].tolist()
+    weak, strong, direction = _axes(match)
+    return weak / strong if strong > 0.0 else 0.0, direction
+
+
+def _axes(match: LeastSquaresMatch) -> tuple[float, float, float]:
+    """Return the eigenvalues of a match's translation, and the direction of the smaller one."""
+    (xx, xy, _), (_, yy, _), _ = match.information.tolist()
     mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    ratio = max(mean - half, 0.0) / (mean + half) if mean + half > 0.0 else 0.0
-    return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+    direction = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+    return max(mean - half, 0.0), mean + half, direction
 
 
 def shows_heading(match: LeastSquaresMatch) -> bool:

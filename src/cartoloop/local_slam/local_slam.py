@@ -66,7 +66,8 @@ class LocalSlam:
     ----------
     config : parameters of local SLAM.
     sensor : which part of a scan is used.
-    node_filter : voxel filter of the points that a node keeps for loop closure.
+    node_filter : voxel filter of the points that a node keeps for loop closure; None: no loops are
+        closed, and nodes keep no points.
     timer : measures the stages.
     known : what is known about the sensors before; by default nothing.
     first_node, first_submap : indices of the first ones: those of earlier sessions come before.
@@ -77,7 +78,7 @@ class LocalSlam:
         self,
         config: LocalSlamConfig,
         sensor: SensorConfig,
-        node_filter: AdaptiveVoxelFilterConfig,
+        node_filter: AdaptiveVoxelFilterConfig | None,
         timer: StageTimer,
         known: SensorCalibration | None = None,
         outcomes: RunOutcomes = NO_RUN_OUTCOMES,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
-from cartoloop.sensor.pose import Pose, pose_rows
+from cartoloop.sensor.pose import Pose
 
 
 @dataclass(slots=True)
@@ -18,16 +19,37 @@ class ScanSeries:
     """The scans of one scanner, and whether the step to each is used; not that to the first.
 
     A pose that was not matched follows the odometry, and would confirm any calibration.
+
+    Attributes
+    ----------
+    times : of the scans [s].
+    poses : x, y [m] and theta [rad] of each, one after the other.
+    is_usable, is_matched : of each.
     """
 
-    times: list[float] = field(default_factory=list)
-    poses: list[Pose] = field(default_factory=list)
+    times: array[float] = field(default_factory=lambda: array("d"))
+    poses: array[float] = field(default_factory=lambda: array("d"))
     is_usable: list[bool] = field(default_factory=list)
     is_matched: list[bool] = field(default_factory=list)
 
+    def add(self, time: float, pose: Pose, *, is_matched: bool) -> None:
+        """Add a scan; the step to it is used unless it is the first."""
+        self.times.append(time)
+        self.poses.extend(pose)
+        self.is_usable.append(bool(self.is_usable))
+        self.is_matched.append(is_matched)
+
+    def leave_out(self, count: int) -> None:
+        """Do not use a number of the latest steps."""
+        self.is_usable[-count:] = [False] * min(count, len(self.is_usable))
+
+    def shift(self, by: float) -> None:
+        """Correct the times so far [s]."""
+        self.times = array("d", (time + by for time in self.times))
+
     def cut(self, window: int) -> None:
         """Drop all but the latest scans."""
-        del self.times[:-window], self.poses[:-window]
+        del self.times[:-window], self.poses[: -3 * window]
         del self.is_usable[:-window], self.is_matched[:-window]
         self.is_usable[0] = False
 
@@ -64,6 +86,6 @@ def latest(series: Iterable[ScanSeries], window: int, *, with_faulty: bool = Fal
     every = list(series)
     return MatchedScans(
         np.concatenate([np.array(one.times[-window:]) for one in every]),
-        np.concatenate([pose_rows(one.poses[-window:]) for one in every]),
+        np.concatenate([np.array(one.poses[-3 * window :]).reshape(-1, 3) for one in every]),
         np.concatenate([one.steps(window, with_faulty=with_faulty) for one in every]),
     )

@@ -116,7 +116,7 @@ class OdometryCalibration:
         """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
         series = self._series.get(scanner)
         if series is not None:
-            series.times = [time + by for time in series.times]
+            series.shift(by)
 
     def add_distance(self, distance: MeasuredDistance) -> None:
         """Add a distance that scans measured."""
@@ -148,12 +148,9 @@ class OdometryCalibration:
         self._num_scans += 1
         self._note_scale(time)
         series = self._series.setdefault(scanner, ScanSeries())
-        series.times.append(time)
-        series.poses.append(tf_local_tracking)
-        series.is_usable.append(bool(series.is_usable))
-        series.is_matched.append(is_matched)
+        series.add(time, tf_local_tracking, is_matched=is_matched)
         if num_faulty:
-            series.is_usable[-num_faulty:] = [False] * min(num_faulty, len(series.is_usable))
+            series.leave_out(num_faulty)
         if self._num_scans >= self._due:
             self._due = next_estimate(self._num_scans)
             self.model = self._estimated(track)

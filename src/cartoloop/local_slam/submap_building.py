@@ -18,6 +18,7 @@ from cartoloop.sensor.isolated_returns import without_isolated
 from cartoloop.sensor.pose import Pose, compose
 from cartoloop.sensor.range_filter import RangeData, thin
 from cartoloop.submaps.node import Node
+from cartoloop.submaps.probability_grid import NO_POINTS
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
 
 
@@ -27,7 +28,7 @@ class SubmapBuilder:
     Parameters
     ----------
     config : parameters of local SLAM.
-    node_filter : voxel filter of the points that a node keeps for loop closure.
+    node_filter : voxel filter of the points that a node keeps for loop closure; None: none.
     outcomes : of the run; it has the grids of submaps that were finished before.
     first_node, first_submap : indices of the first ones.
     """
@@ -35,7 +36,7 @@ class SubmapBuilder:
     def __init__(
         self,
         config: LocalSlamConfig,
-        node_filter: AdaptiveVoxelFilterConfig,
+        node_filter: AdaptiveVoxelFilterConfig | None,
         outcomes: RunOutcomes,
         first_node: int,
         first_submap: int,
@@ -128,10 +129,16 @@ class SubmapBuilder:
             self._next_node,
             scan.time,
             tf_local_tracking,
-            thin(without_isolated(data.returns), self._node_filter),
+            self._points_to_keep(data.returns),
             insertion.submaps,
             information,
             insertion.finished,
         )
         self._next_node += 1
         return node
+
+    def _points_to_keep(self, returns: FloatArray) -> FloatArray:
+        """Return the returns of a scan that its node keeps, shape (n, 2) [m]."""
+        if self._node_filter is None:
+            return NO_POINTS
+        return thin(without_isolated(returns), self._node_filter)

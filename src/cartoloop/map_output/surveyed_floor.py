@@ -6,9 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.map_output.occupancy_map import OccupancyMap
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 
@@ -145,9 +144,11 @@ def _dense_blocks(known: BoolArray, edge: int) -> BoolArray:
     """Return which blocks of `edge` by `edge` cells are known almost as a whole."""
     num_rows, num_cols = known.shape
     padded = np.pad(known, ((0, -num_rows % edge), (0, -num_cols % edge)))
-    blocks = padded.reshape(padded.shape[0] // edge, edge, padded.shape[1] // edge, edge)
-    share: NDArray[np.float64] = blocks.mean(axis=(1, 3))
-    return share >= _DENSE
+    # Along whole rows first: sums of a few neighbours take NumPy ten times as long.
+    rows, cols = padded.shape[0] // edge, padded.shape[1] // edge
+    by_row = padded.reshape(rows, edge, cols * edge).sum(axis=1, dtype=np.int32)
+    counts: IntArray = by_row.reshape(rows, cols, edge).sum(axis=2)
+    return counts / edge**2 >= _DENSE
 
 
 def _with_neighbours(blocks: BoolArray) -> BoolArray:

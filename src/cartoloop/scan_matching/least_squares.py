@@ -83,16 +83,16 @@ def match(
     iterations = match_scan(
         smooth_map[:],
         MIN_PROBABILITY,
-        points,
-        np.array((start.x, start.y, near_start)),
-        (np.array(prior), prior_information, prior_scale),
+        np.ascontiguousarray(points),  # the only memory layout that the kernel takes
+        (start.x, start.y, near_start),
+        (prior[:], prior_information, prior_scale),
         options[:],
         found,
     )
     x, y, theta, *_, squares, cost = found.tolist()
     return LeastSquaresMatch(
         Pose(x, y, wrap_angle(theta)),
-        found[_SYMMETRIC],
+        found.take(_SYMMETRIC),
         math.sqrt(squares / len(points)),
         cost,
         iterations,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
-from cartoloop.kernels.near_neighbours import count_near_neighbours
+from cartoloop.kernels.near_neighbours import count_and_hide
 from cartoloop.sensor.isolated_returns import NEAR_M, NEAR_SPACINGS
 
 MIN_SCANS = 200
@@ -32,7 +32,7 @@ class BlockedBeams:
 
     def __init__(self, num_beams: int, step: float) -> None:
         self._step = abs(step)
-        self._num_scans = self._fewest_returns = 0
+        self._num_scans = 0
         self._num_returns: IntArray = np.zeros(num_beams, dtype=np.int64)
 
     def apply(self, ranges: FloatArray, min_range: float, no_return_range: float) -> FloatArray:
@@ -45,13 +45,9 @@ class BlockedBeams:
         """
         self._num_scans += 1
         slope = NEAR_SPACINGS * self._step
-        count_near_neighbours(ranges, min_range, no_return_range, NEAR_M, slope, self._num_returns)
         most = MIN_SHARE * (self._num_scans - MIN_SCANS)
-        if most < self._fewest_returns:  # as long ago, and they only become more
-            return ranges
-        self._fewest_returns = int(self._num_returns.min(initial=self._num_scans))
-        if most < self._fewest_returns:
-            return ranges
-        is_blocked = self._num_returns <= most
-        is_return = (ranges >= min_range) & (ranges < no_return_range)
-        return np.where(is_blocked & ~is_return, np.nan, ranges)
+        hidden = np.empty(len(ranges))
+        fewest = count_and_hide(
+            ranges, min_range, no_return_range, NEAR_M, slope, most, self._num_returns, hidden
+        )
+        return ranges if most < fewest else hidden

@@ -12,8 +12,6 @@ shape (n, 3) with columns x [m], y [m], theta [rad]. Angles are in (-pi, pi].
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -89,12 +87,6 @@ def transform_points(tf_a_b: Pose, points_b: FloatArray) -> FloatArray:
     return points_a
 
 
-def pose_rows(poses: Sequence[Pose]) -> FloatArray:
-    """Return poses as rows, shape (n, 3): five times as fast as np.array of a list of tuples."""
-    numbers = np.fromiter(chain.from_iterable(poses), np.float64, 3 * len(poses))
-    return numbers.reshape(-1, 3)
-
-
 def wrap_angles(angles: FloatArray) -> FloatArray:
     """Return angles [rad] of any shape in (-pi, pi]; angles already there keep every bit."""
     wrapped = angles - math.tau * np.rint(angles / math.tau)
@@ -105,7 +97,7 @@ def wrap_angles(angles: FloatArray) -> FloatArray:
 
 def compose_all(tf_a_b: FloatArray, tf_b_c: FloatArray) -> FloatArray:
     """Return tf_a_c row by row; both of shape (n, 3), or one of them (3,) for all rows."""
-    tf_a_b, tf_b_c = np.broadcast_arrays(np.atleast_2d(tf_a_b), np.atleast_2d(tf_b_c))
+    tf_a_b, tf_b_c = np.atleast_2d(tf_a_b), np.atleast_2d(tf_b_c)
     cos, sin = np.cos(tf_a_b[:, 2]), np.sin(tf_a_b[:, 2])
     return np.column_stack(
         (
@@ -118,7 +110,7 @@ def compose_all(tf_a_b: FloatArray, tf_b_c: FloatArray) -> FloatArray:
 
 def relative_all(tf_a_b: FloatArray, tf_a_c: FloatArray) -> FloatArray:
     """Return tf_b_c row by row; both of shape (n, 3), or one of them (3,) for all rows."""
-    tf_a_b, tf_a_c = np.broadcast_arrays(np.atleast_2d(tf_a_b), np.atleast_2d(tf_a_c))
+    tf_a_b, tf_a_c = np.atleast_2d(tf_a_b), np.atleast_2d(tf_a_c)
     cos, sin = np.cos(tf_a_b[:, 2]), np.sin(tf_a_b[:, 2])
     dx, dy = tf_a_c[:, 0] - tf_a_b[:, 0], tf_a_c[:, 1] - tf_a_b[:, 1]
     return np.column_stack(

@@ -12,7 +12,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.config import AdaptiveVoxelFilterConfig, SensorConfig
 from cartoloop.kernels.cloud_projection import CloudLimits, project_cloud
-from cartoloop.kernels.range_projection import Position, RangeLimits, project_ranges
+from cartoloop.kernels.range_projection import Position, RangeLimits, project_and_thin
 from cartoloop.kernels.sweep_projection import Heights, project_sweep
 from cartoloop.kernels.voxel_filter import adaptive_voxel_filter, voxel_filter
 from cartoloop.sensor.blocked_beams import BlockedBeams
@@ -143,13 +143,14 @@ class RangeFilter:
             )
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))
-        mounting = scanner.mounting
+        mounting, edge = scanner.mounting, self._config.voxel_filter_size
         if motion is None and geometry.is_level:
-            num_returns, num_misses = project_ranges(
+            num_returns, num_misses = project_and_thin(
                 ranges,
                 scanner.directions,
                 scanner.origin[:],
                 limits[:],
+                edge,
                 returns,
                 misses,
             )
@@ -167,9 +168,8 @@ class RangeFilter:
                 misses,
             )
             mounting = sensor_in_sweep(mounting, geometry.height, motion)
-        edge = self._config.voxel_filter_size
-        num_returns = voxel_filter(returns, num_returns, edge, returns)
-        num_misses = voxel_filter(misses, num_misses, edge, misses)
+            num_returns = voxel_filter(returns, num_returns, edge, returns)
+            num_misses = voxel_filter(misses, num_misses, edge, misses)
         return RangeData(mounting, returns[:num_returns], misses[:num_misses], scanner.noise.noise)
 
     def _apply_to_cloud(self, cloud: PointCloud, motion: SweepMotion) -> RangeData:
