@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from cartoloop.cli.live_mapping import poses_stream
 from cartoloop.cli.locate_command import change
 from cartoloop.cli.main import run
 from cartoloop.errors import OutputError
@@ -121,6 +122,32 @@ def test_errors_are_a_line(room, log, tmp_path, capsys, arguments, says):
     assert status == 1
     assert last.startswith("cartoloop: ")
     assert says in last
+
+
+@pytest.mark.parametrize("name", ["{room}", "{log}", "{folder}/../drive.log", "{folder}/link"])
+def test_poses_never_replace_what_is_read(room, log, tmp_path, capsys, name):
+    folder = tmp_path / "sub"
+    folder.mkdir()
+    (folder / "link").symlink_to(log)
+    file = Path(name.format(room=room, log=log, folder=folder))
+    before = file.read_bytes()
+
+    assert run(["locate", room, log, "--poses", str(file)]) == 1
+
+    assert "is read by this command" in capsys.readouterr().err
+    assert file.read_bytes() == before
+
+
+def test_poses_never_replace_files_of_a_map(tmp_path):
+    saved = tmp_path / "map.cartoloop"
+    saved.write_bytes(b"map")
+
+    with pytest.raises(OutputError, match="give another file"), poses_stream(str(saved), tmp_path):
+        pass
+
+    with poses_stream(str(tmp_path / "poses"), tmp_path) as stream:
+        assert stream is not None
+    assert saved.read_bytes() == b"map"
 
 
 def test_an_unwritable_keep_file_is_refused_at_once(room, log, tmp_path, capsys):

@@ -120,7 +120,7 @@ def live_command(options: LiveCommandOptions) -> None:
     from cartoloop.cli.session_lines import require_joined
 
     source = options.make_source(options.source)
-    with poses_stream(options.poses) as poses:
+    with poses_stream(options.poses, options.source, onto, out) as poses:
         from cartoloop.live.live_run import LiveOptions
 
         result = map_source(

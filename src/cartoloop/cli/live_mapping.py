@@ -17,8 +17,10 @@ from cartoloop.cli.session_lines import session_lines
 from cartoloop.cli.stop_signals import stop_signals
 from cartoloop.cli.view_command import wait_for_stop
 from cartoloop.errors import OutputError
+from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
 from cartoloop.live.poses import open_poses
+from cartoloop.map_file.file_set import FILES
 from cartoloop.plain_text import one_line
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
@@ -139,17 +141,24 @@ class _Display(LiveObserver):
 
 
 @contextmanager
-def poses_stream(name: str | None) -> Iterator[BinaryIO | None]:
+def poses_stream(name: str | None, *inputs: str | Path | None) -> Iterator[BinaryIO | None]:
     """Yield the stream for poses: a file, standard output for ``-``, or None.
+
+    Parameters
+    ----------
+    name : of the file.
+    inputs : recordings and maps that are read, which it must not replace.
 
     Raises
     ------
     OutputError
-        The file cannot be written, or nobody reads the pipe.
+        The file cannot be written or is read, or nobody reads the pipe.
     """
     if name is None:
         yield None
         return
+    if name != "-" and any(_is_part_of(Path(name), Path(each)) for each in inputs if each):
+        raise OutputError(f"--poses {name}: is read by this command; give another file")
     file: BinaryIO
     try:
         # Not sys.stdout, which forgets what is lost: the loss of poses is reported.
@@ -161,6 +170,15 @@ def poses_stream(name: str | None) -> Iterator[BinaryIO | None]:
         raise OutputError(f"--poses {name}: cannot be written: {error.strerror}") from error
     with file:
         yield file
+
+
+def _is_part_of(file: Path, given: Path) -> bool:
+    """Return whether a file is a recording or map that is given, or one of the map's files."""
+    if not file.is_file():
+        return False
+    if given.is_dir():
+        return file.name in (*FILES, JOURNAL) and file.resolve().parent == given.resolve()
+    return given.is_file() and file.samefile(given)
 
 
 @contextmanager

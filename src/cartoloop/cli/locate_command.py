@@ -144,7 +144,7 @@ def locate_command(options: LocateOptions) -> None:
         options.check_recording(options.map_, log)
     with ExitStack() as closing:
         with (
-            poses_stream(options.poses) as poses,
+            poses_stream(options.poses, options.map_, options.source) as poses,
             compilation_notice() as compiler,
             stop_signals() as stop,
         ):
