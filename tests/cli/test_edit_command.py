@@ -267,3 +267,21 @@ def test_the_folder_stands_before_the_command(given, meant):
 
 def test_a_shell_completes_commands_after_the_folder():
     assert with_command_first(["out"], COMMANDS, is_completion=True) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("closures", "--status", "bogus"), "no status 'bogus': choose from"),
+        (("rename", "0", ""), "the name is '': give 1 to 200 plain characters"),
+        (
+            ("pin", "--node", "0", "--at", "1e300,0,0"),
+            "the pose is x 1e+300 m, y 0 m: a coordinate",
+        ),
+    ],
+)
+def test_refusals_name_no_python_types(edit, arguments, says):
+    status, _, err = edit(*arguments)
+
+    assert status == 1
+    assert says in err
