@@ -150,6 +150,14 @@ def test_poses_never_replace_files_of_a_map(tmp_path):
     assert saved.read_bytes() == b"map"
 
 
+@pytest.mark.parametrize(
+    "given", [["--source-host", "0.0.0.0"], ["--end-after", "1"], ["--no-drop"]]
+)
+def test_options_of_live_sources_are_refused_for_recordings(room, log, capsys, given):
+    assert run(["locate", room, log, *given]) == 2
+    assert f"{given[0]}: is for live sources" in capsys.readouterr().err
+
+
 def test_an_unwritable_keep_file_is_refused_at_once(room, log, tmp_path, capsys):
     assert run(["locate", room, log, "--keep", str(tmp_path / "nowhere" / "kept.json")]) == 1
 

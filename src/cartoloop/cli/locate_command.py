@@ -101,7 +101,7 @@ class LocateOptions(ViewOptions, ChangeOptions, ReadingOptions, LiveSourceOption
     ] = False
 
     def require_view(self) -> None:
-        """Refuse options that have no effect without a view, or on a live source.
+        """Refuse options that have no effect without a view, or on such a source.
 
         Raises
         ------
@@ -113,6 +113,13 @@ class LocateOptions(ViewOptions, ChangeOptions, ReadingOptions, LiveSourceOption
             raise typer.BadParameter(
                 "is for recordings: a live source has its own", param_hint="--speed"
             )
+        given = {
+            "--source-host": self.source_host is not None,
+            "--end-after": self.end_after is not None,
+            "--no-drop": self.no_drop,
+        }
+        if not self.is_live and (name := next((each for each in given if given[each]), None)):
+            raise typer.BadParameter("is for live sources: leave it out", param_hint=name)
 
     @property
     def is_live(self) -> bool:
