@@ -184,6 +184,13 @@ def test_a_folder_without_a_map_is_refused(tmp_path, capsys):
     assert "has no map.cartoloop" in capsys.readouterr().err
 
 
+def test_an_interrupted_run_is_to_be_finished_first(tmp_path, capsys):
+    (tmp_path / "journal.cartoloop").write_bytes(b"cartoloop run")
+
+    assert run(["edit", str(tmp_path), "align"]) == 1
+    assert "finish it with --resume, then edit it" in capsys.readouterr().err
+
+
 def test_an_unfinished_map_is_refused(tmp_path, capsys):
     result = finished_map()
     replace(result, report=replace(result.report, finished=False)).save(tmp_path)

@@ -12,6 +12,7 @@ from typing import Any
 from cartoloop.errors import InputError, OutputError
 from cartoloop.global_slam.graph_adjustment import AdjustmentRun
 from cartoloop.map_data import MapData
+from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.output_folder import map_state
@@ -46,6 +47,10 @@ class EditedFolder:
         folder = given.parent if given.name == FILE_NAME and not given.is_dir() else given
         repair_file_set(folder)
         if not (folder / FILE_NAME).is_file():
+            if (folder / JOURNAL).is_file():
+                raise InputError(
+                    f"{folder}: mapping was interrupted; finish it with --resume, then edit it"
+                )
             raise InputError(
                 f"{folder}: has no {FILE_NAME}; give a folder that 'cartoloop map' wrote"
             )
