@@ -11,8 +11,8 @@ from typing import Any
 
 from cartoloop.errors import InputError, OutputError
 from cartoloop.global_slam.graph_adjustment import AdjustmentRun
-from cartoloop.map_data import MapData
 from cartoloop.journal.frames import FILE_NAME as JOURNAL
+from cartoloop.map_data import MapData
 from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.output_folder import map_state
