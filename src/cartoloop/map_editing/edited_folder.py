@@ -87,7 +87,7 @@ class EditedFolder:
     def _require_unchanged(self) -> None:
         if map_state(self.path) != self.state:
             raise OutputError(
-                f"{self.path}: was changed by another program meanwhile; open it again, then edit it"
+                f"{self.path}: was changed by another program meanwhile; open it again to edit it"
             )
 
 
