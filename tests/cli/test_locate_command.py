@@ -6,10 +6,13 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import os
+import signal
 from pathlib import Path
 
 import pytest
 
+from cartoloop.cli import locate_command
 from cartoloop.cli.live_mapping import poses_stream
 from cartoloop.cli.locate_command import change
 from cartoloop.cli.main import run
@@ -207,6 +210,20 @@ def test_a_recording_that_is_cut_off_is_reported(room, log, tmp_path, capsys):
     assert "scans" in captured.out
     assert "the poses are of a part of the recording" in captured.err
     assert answers_in(tmp_path / "poses.jsonl")
+
+
+def test_a_recording_that_is_stopped_has_its_own_status(room, log, tmp_path, monkeypatch, capsys):
+    def stop(answer):
+        os.kill(os.getpid(), signal.SIGINT)
+        return "stopping"
+
+    monkeypatch.setattr(locate_command, "change", stop)
+    poses = tmp_path / "poses.jsonl"
+
+    assert run(["locate", room, log, "--poses", str(poses)]) == 130
+
+    assert 0 < len(answers_in(poses)) < len(POSES)
+    assert "stopped after" in capsys.readouterr().err
 
 
 def test_a_single_place_that_is_not_proved_has_no_probability():
