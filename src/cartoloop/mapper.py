@@ -62,7 +62,7 @@ class Mapper:
         submaps while mapping, at the latest in `finish`; until then it is a part of its own. The
         map that is given does not change.
     onto_pose : where the robot is in that map at the first scan, to a metre or two and 20 degrees;
-        then it is only searched for there.
+        then its scans are searched for there only.
     outcomes : of a run with a journal; those of earlier steps are replayed, new ones are recorded.
 
     Raises
