@@ -280,7 +280,7 @@ def test_a_shell_completes_commands_after_the_folder():
     ("arguments", "says"),
     [
         (("closures", "--status", "bogus"), "no status 'bogus': choose from"),
-        (("rename", "0", ""), "the name is '': give 1 to 200 plain characters"),
+        (("rename", "0", "a\nb"), "the name is 'a\\nb': give 1 to 200 plain characters"),
         (
             ("pin", "--node", "0", "--at", "1e300,0,0"),
             "the pose is x 1e+300 m, y 0 m: a coordinate",
