@@ -123,7 +123,7 @@ def live_command(options: LiveCommandOptions) -> None:
     if onto is not None:
         require_map(onto)
     source = options.make_source(options.source)
-    with poses_stream(options.poses, options.source, onto, out) as poses:
+    with poses_stream(options.poses, options.source) as poses:
         from cartoloop.live.live_run import LiveOptions
 
         result = map_source(

@@ -17,10 +17,9 @@ from cartoloop.cli.session_lines import session_lines
 from cartoloop.cli.stop_signals import stop_signals
 from cartoloop.cli.view_command import wait_for_stop
 from cartoloop.errors import OutputError
-from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
 from cartoloop.live.poses import open_poses
-from cartoloop.map_file.file_set import FILES
+from cartoloop.map_file.file_set import require_no_map_file
 from cartoloop.plain_text import one_line
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
@@ -141,13 +140,13 @@ class _Display(LiveObserver):
 
 
 @contextmanager
-def poses_stream(name: str | None, *inputs: str | Path | None) -> Iterator[BinaryIO | None]:
+def poses_stream(name: str | None, *inputs: str | Path) -> Iterator[BinaryIO | None]:
     """Yield the stream for poses: a file, standard output for ``-``, or None.
 
     Parameters
     ----------
     name : of the file.
-    inputs : recordings and maps that are read, which it must not replace.
+    inputs : what is read, which it must not replace.
 
     Raises
     ------
@@ -157,8 +156,11 @@ def poses_stream(name: str | None, *inputs: str | Path | None) -> Iterator[Binar
     if name is None:
         yield None
         return
-    if name != "-" and any(_is_part_of(Path(name), Path(each)) for each in inputs if each):
-        raise OutputError(f"--poses {name}: is read by this command; give another file")
+    if name != "-":
+        path = Path(name)
+        require_no_map_file(path)
+        if path.is_file() and any(Path(each).is_file() and path.samefile(each) for each in inputs):
+            raise OutputError(f"--poses {name}: is read by this command; give another file")
     file: BinaryIO
     try:
         # Not sys.stdout, which forgets what is lost: the loss of poses is reported.
@@ -170,15 +172,6 @@ def poses_stream(name: str | None, *inputs: str | Path | None) -> Iterator[Binar
         raise OutputError(f"--poses {name}: cannot be written: {error.strerror}") from error
     with file:
         yield file
-
-
-def _is_part_of(file: Path, given: Path) -> bool:
-    """Return whether a file is a recording or map that is given, or one of the map's files."""
-    if not file.is_file():
-        return False
-    if given.is_dir():
-        return file.name in (*FILES, JOURNAL) and file.resolve().parent == given.resolve()
-    return given.is_file() and file.samefile(given)
 
 
 @contextmanager
