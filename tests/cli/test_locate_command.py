@@ -156,7 +156,7 @@ def test_poses_never_replace_files_of_a_map(tmp_path):
 @pytest.mark.parametrize(
     "given", [["--source-host", "0.0.0.0"], ["--end-after", "1"], ["--no-drop"]]
 )
-def test_options_of_live_sources_are_refused_for_recordings(room, log, capsys, given):
+def test_live_options_are_refused_for_recordings(room, log, capsys, given):
     assert run(["locate", room, log, *given]) == 2
     assert f"{given[0]}: is for live sources" in capsys.readouterr().err
 

@@ -153,7 +153,7 @@ def test_map_that_is_not_there_is_one_line(another_log, tmp_path, capsys):
         assert "Traceback" not in line
 
 
-def test_a_damaged_map_is_refused_before_recordings_are_read(tmp_path, capsys):
+def test_a_damaged_map_is_refused_at_once(tmp_path, capsys):
     (tmp_path / "map.cartoloop").write_bytes(b"")
     (tmp_path / "drive.log").write_text("no recording")
 
