@@ -117,6 +117,13 @@ def test_poses_and_vectors_may_be_lists_and_arrays():
         (lambda: Mapper().add(None), "event is None"),
         (lambda: Mapper({"sensor": {"max_range": 5}}), "give a cartoloop.Config"),
         (lambda: Mapper("my.toml"), "config is 'my.toml' (str)"),
+        (lambda: Mapper(onto_pose=(1, 2, 3)), "give that too"),
+        (
+            lambda: Mapper(onto="map", onto_pose=(1, 2)),
+            "onto_pose is (1, 2) (tuple)",
+        ),
+        (lambda: Mapper(onto="map", onto_pose=(1, 2, math.nan)), "give finite numbers"),
+        (lambda: cartoloop.map_recording("a.log", onto_pose=(1, 2, 3)), "give that too"),
         (lambda: cartoloop.map_recording({"a": 1}), "recording is {'a': 1} (dict)"),
         (lambda: cartoloop.map_recording(None), "recording is None"),
         (lambda: cartoloop.map_recording([]), "an empty list"),

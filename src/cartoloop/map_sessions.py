@@ -5,11 +5,27 @@ from __future__ import annotations
 
 from os import PathLike
 
-from cartoloop.arguments import as_path
+from cartoloop.arguments import as_path, as_pose
 from cartoloop.config import Config
 from cartoloop.earlier_sessions import EarlierMaps
 from cartoloop.errors import UsageError
 from cartoloop.map_data import MapData
+from cartoloop.sensor.pose import Pose
+
+
+def checked_onto_pose(onto: object, pose: object, caller: str) -> Pose | None:
+    """Return the pose of a robot in the map that is added to, as a caller gives it.
+
+    Raises
+    ------
+    UsageError
+        It is none, or there is no such map.
+    """
+    if pose is None:
+        return None
+    if onto is None:
+        raise UsageError(f"{caller}: onto_pose is a pose in the map of onto: give that too")
+    return Pose(*as_pose(pose, f"{caller}: onto_pose"))
 
 
 def earlier_maps(

@@ -23,7 +23,7 @@ from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.map_data import MapData
 from cartoloop.map_finishing import finished_map
-from cartoloop.map_sessions import earlier_maps
+from cartoloop.map_sessions import checked_onto_pose, earlier_maps
 from cartoloop.mapped_scans import MappedScans
 from cartoloop.part_check import part_check
 from cartoloop.report import (
@@ -62,7 +62,7 @@ class Mapper:
         submaps while mapping, at the latest in `finish`; until then it is a part of its own. The
         map that is given does not change.
     onto_pose : where the robot is in that map at the first scan, to a metre or two and 20 degrees;
-        then it is only searched for there.
+        then its scans are searched for there only.
     outcomes : of a run with a journal; those of earlier steps are replayed, new ones are recorded.
 
     Raises
@@ -85,6 +85,7 @@ class Mapper:
     ) -> None:
         if config is not None:
             require_type(config, Config, "Mapper: config", "a cartoloop.Config")
+        start = checked_onto_pose(onto, onto_pose, "Mapper")
         self._earlier = earlier = earlier_maps(onto, config)
         config = config or (earlier.maps[0].config if earlier.maps else Config())
         self._config = config
@@ -108,7 +109,7 @@ class Mapper:
             check_geometry=part_check(config),
         )
         if earlier.maps:
-            self._global_slam.begin_session(onto_pose)
+            self._global_slam.begin_session(start)
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
         self._scans = MappedScans(earlier)
         self._local_pose = IDENTITY

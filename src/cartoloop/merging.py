@@ -6,13 +6,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from os import PathLike
+from pathlib import Path
 
-from cartoloop.arguments import shown
+from cartoloop.arguments import as_path, shown
 from cartoloop.config import Config
 from cartoloop.earlier_sessions import EarlierMaps, whole_trajectory, with_parts
 from cartoloop.errors import UsageError
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_data import MapData
+from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_repair import repair
 from cartoloop.map_sessions import map_of, require_resolution
 from cartoloop.part_check import part_check
@@ -52,7 +54,7 @@ def merge(
     InputError
         A map cannot be read.
     UsageError
-        There are fewer than two, or their submaps differ in resolution.
+        There are fewer than two, one is given twice, or their submaps differ in resolution.
     """
     contents = [map_of(each, "merge: maps") for each in _several(maps)]
     config = config or contents[0].config
@@ -88,8 +90,32 @@ def _several(maps: Iterable[MapData | str | PathLike[str]]) -> list[MapData | st
         raise UsageError(f"merge: maps is {shown(maps)}: give a list of maps, or of their paths")
     several = list(maps)
     if len(several) < 2:
-        raise UsageError(f"merge: {len(several)} map given: give at least two")
+        given = "one map" if several else "no map"
+        raise UsageError(f"merge: {given} given: give at least two")
+    require_different(several)
     return several
+
+
+def require_different(maps: Iterable[MapData | str | PathLike[str]]) -> None:
+    """Check that no map is given twice.
+
+    Raises
+    ------
+    UsageError
+        One is; each of its scans would be in the merged map twice.
+    """
+    seen: set[Path | int] = set()
+    for each in maps:
+        if isinstance(each, MapData):
+            place: Path | int = id(each)
+            name = "a map"
+        else:
+            path = as_path(each, "merge: maps")
+            place = (path.parent if path.name == FILE_NAME else path).resolve()
+            name = str(path)
+        if place in seen:
+            raise UsageError(f"merge: {name} is given twice; give each map once")
+        seen.add(place)
 
 
 def _result(slam: GlobalSlam, earlier: EarlierMaps, config: Config, timer: StageTimer) -> Result:

@@ -98,6 +98,17 @@ def test_relations_score_local_slam(mapped, evaluate, tmp_path):
     assert mean_error("local_trajectory.tum") > 0.001
 
 
+def test_relations_never_replace_the_map(mapped, evaluate):
+    file = mapped / "out" / "map.cartoloop"
+    before = file.read_bytes()
+
+    status, _, err = evaluate("make-relations", "OUT", "-o", str(file), "--min-distance", "10")
+
+    assert status == 1
+    assert "is a file of a map" in err
+    assert file.read_bytes() == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [

@@ -165,3 +165,15 @@ def test_evaluation_of_no_trajectory_is_an_error_in_one_line(ring, capsys):
     assert run(["evaluate", "relations", str(ring["log"]), str(ring["relations"])]) == 1
 
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["map", "a.log", "-o", ""], "an argument is empty, after -o: is a variable"),
+        (["", "a"], "an argument is empty: is a variable"),
+    ],
+)
+def test_an_empty_argument_is_refused(arguments, says, capsys):
+    assert run(arguments) == 2
+    assert says in capsys.readouterr().err

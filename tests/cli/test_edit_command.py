@@ -184,6 +184,13 @@ def test_a_folder_without_a_map_is_refused(tmp_path, capsys):
     assert "has no map.cartoloop" in capsys.readouterr().err
 
 
+def test_an_interrupted_run_is_to_be_finished_first(tmp_path, capsys):
+    (tmp_path / "journal.cartoloop").write_bytes(b"cartoloop run")
+
+    assert run(["edit", str(tmp_path), "align"]) == 1
+    assert "finish it with --resume, then edit it" in capsys.readouterr().err
+
+
 def test_an_unfinished_map_is_refused(tmp_path, capsys):
     result = finished_map()
     replace(result, report=replace(result.report, finished=False)).save(tmp_path)
@@ -267,3 +274,21 @@ def test_the_folder_stands_before_the_command(given, meant):
 
 def test_a_shell_completes_commands_after_the_folder():
     assert with_command_first(["out"], COMMANDS, is_completion=True) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("closures", "--status", "bogus"), "no status 'bogus': choose from"),
+        (("rename", "0", "a\nb"), "the name is 'a\\nb': give 1 to 200 plain characters"),
+        (
+            ("pin", "--node", "0", "--at", "1e300,0,0"),
+            "the pose is x 1e+300 m, y 0 m: a coordinate",
+        ),
+    ],
+)
+def test_refusals_name_no_python_types(edit, arguments, says):
+    status, _, err = edit(*arguments)
+
+    assert status == 1
+    assert says in err

@@ -220,3 +220,11 @@ def test_wrong_usage_is_reported_in_a_line(arguments, status, shown, tmp_path, c
     said = capsys.readouterr().err
     assert shown in said
     assert "Traceback" not in said
+
+
+def test_what_is_no_map_to_be_added_to_is_named(tmp_path, capsys):
+    log = tmp_path / "drive.log"
+    log.write_text("FLASER 1 2.0\n")
+
+    assert run(["live", "tcp://127.0.0.1:0", "--onto", str(log), "--end-after", "0.1"]) == 1
+    assert f"{log}: is no map database" in " ".join(capsys.readouterr().err.split())

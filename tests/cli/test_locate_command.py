@@ -6,10 +6,14 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import os
+import signal
 from pathlib import Path
 
 import pytest
 
+from cartoloop.cli import locate_command
+from cartoloop.cli.live_mapping import poses_stream
 from cartoloop.cli.locate_command import change
 from cartoloop.cli.main import run
 from cartoloop.errors import OutputError
@@ -123,6 +127,40 @@ def test_errors_are_a_line(room, log, tmp_path, capsys, arguments, says):
     assert says in last
 
 
+@pytest.mark.parametrize("name", ["{room}", "{log}", "{folder}/../drive.log", "{folder}/link"])
+def test_poses_never_replace_what_is_read(room, log, tmp_path, capsys, name):
+    folder = tmp_path / "sub"
+    folder.mkdir()
+    (folder / "link").symlink_to(log)
+    file = Path(name.format(room=room, log=log, folder=folder))
+    before = file.read_bytes()
+
+    assert run(["locate", room, log, "--poses", str(file)]) == 1
+
+    assert "is read by this command" in capsys.readouterr().err
+    assert file.read_bytes() == before
+
+
+def test_poses_never_replace_files_of_a_map(tmp_path):
+    saved = tmp_path / "map.cartoloop"
+    saved.write_bytes(b"map")
+
+    with pytest.raises(OutputError, match="is a file of a map"), poses_stream(str(saved)):
+        pass
+
+    with poses_stream(str(tmp_path / "poses")) as stream:
+        assert stream is not None
+    assert saved.read_bytes() == b"map"
+
+
+@pytest.mark.parametrize(
+    "given", [["--source-host", "0.0.0.0"], ["--end-after", "1"], ["--no-drop"]]
+)
+def test_live_options_are_refused_for_recordings(room, log, capsys, given):
+    assert run(["locate", room, log, *given]) == 2
+    assert f"{given[0]}: is for live sources" in capsys.readouterr().err
+
+
 def test_an_unwritable_keep_file_is_refused_at_once(room, log, tmp_path, capsys):
     assert run(["locate", room, log, "--keep", str(tmp_path / "nowhere" / "kept.json")]) == 1
 
@@ -172,6 +210,20 @@ def test_a_recording_that_is_cut_off_is_reported(room, log, tmp_path, capsys):
     assert "scans" in captured.out
     assert "the poses are of a part of the recording" in captured.err
     assert answers_in(tmp_path / "poses.jsonl")
+
+
+def test_a_recording_that_is_stopped_has_its_own_status(room, log, tmp_path, monkeypatch, capsys):
+    def stop(answer):
+        os.kill(os.getpid(), signal.SIGINT)
+        return "stopping"
+
+    monkeypatch.setattr(locate_command, "change", stop)
+    poses = tmp_path / "poses.jsonl"
+
+    assert run(["locate", room, log, "--poses", str(poses)]) == 130
+
+    assert 0 < len(answers_in(poses)) < len(POSES)
+    assert "stopped after" in capsys.readouterr().err
 
 
 def test_a_single_place_that_is_not_proved_has_no_probability():

@@ -153,6 +153,15 @@ def test_map_that_is_not_there_is_one_line(another_log, tmp_path, capsys):
         assert "Traceback" not in line
 
 
+def test_a_damaged_map_is_refused_at_once(tmp_path, capsys):
+    (tmp_path / "map.cartoloop").write_bytes(b"")
+    (tmp_path / "drive.log").write_text("no recording")
+
+    assert run(["map", str(tmp_path / "drive.log"), "--onto", str(tmp_path)]) == 1
+
+    assert "map.cartoloop: is empty; map the recording again" in capsys.readouterr().err
+
+
 def test_map_without_returns_cannot_be_merged(ring_folder, tmp_path, capsys):
     small_result().save(tmp_path / "small")
     status = run(["merge", str(ring_folder), str(tmp_path / "small"), "-o", str(tmp_path / "out")])

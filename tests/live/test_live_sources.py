@@ -309,6 +309,12 @@ def test_a_port_in_use_is_reported():
             TcpSource("127.0.0.1", port).open()
 
 
+def test_a_bag_cannot_be_followed(tmp_path):
+    (tmp_path / "a").write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(InputError, match="is a ROS recording and cannot be followed"):
+        GrowingFile(tmp_path / "a").open()
+
+
 def test_a_compressed_log_cannot_be_followed(tmp_path):
     drive(1.0).write_carmen(tmp_path / "a.log.gz")
     with pytest.raises(InputError, match="use 'cartoloop map'"):

@@ -14,6 +14,7 @@ from cartoloop.map_file.file_set import (
     remove_file_set,
     repair_file_set,
     replaced_files,
+    require_no_map_file,
 )
 from cartoloop.stop_request import StopRequest
 from tests.map_output.small_result import FILES as ALL_FILES
@@ -195,3 +196,15 @@ def test_a_folder_in_the_place_of_a_file_changes_nothing(tmp_path):
 
     assert {path.name for path in tmp_path.iterdir()} == {"plan.png", "map.pgm"}
     assert (tmp_path / "map.pgm").read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    "name", ["map.cartoloop", "map.pgm", "trajectory.tum", "journal.cartoloop"]
+)
+def test_single_files_of_a_map_are_not_to_be_written(tmp_path, name):
+    require_no_map_file(tmp_path / name)  # there is no map
+    (tmp_path / "map.cartoloop").write_bytes(b"map")
+
+    with pytest.raises(OutputError, match="is a file of a map"):
+        require_no_map_file(tmp_path / name)
+    require_no_map_file(tmp_path / "plan.png")

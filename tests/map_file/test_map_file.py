@@ -15,6 +15,7 @@ import pytest
 from cartoloop.config_file import load_config
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_status import Reason, Status
+from cartoloop.map_file.read import require_map
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.save import save
@@ -188,12 +189,16 @@ def test_files_of_version_2_are_loaded(file, scores, status):
         assert (closures.score[row], closures.runner_up[row]) == (0.75, 0.5)
 
 
-@pytest.mark.parametrize("content", [b"", b"not a database at all" * 100])
-def test_other_files_are_refused(tmp_path, content):
+@pytest.mark.parametrize(
+    ("content", "says"), [(b"", "is empty"), (b"not a database at all" * 100, "is no map database")]
+)
+def test_other_files_are_refused(tmp_path, content, says):
     (tmp_path / FILE_NAME).write_bytes(content)
 
-    with pytest.raises(InputError, match=r"is no map database|is a database, but no map"):
+    with pytest.raises(InputError, match=says):
         load_map(tmp_path)
+    with pytest.raises(InputError, match=says):
+        require_map(tmp_path)
 
 
 def test_a_file_of_another_name_is_no_map_to_be_made_again(tmp_path):
@@ -222,7 +227,7 @@ def test_a_folder_without_a_map_is_refused(tmp_path):
 def test_the_file_of_a_newer_program_is_refused(file):
     change(file, "PRAGMA user_version = 99")
 
-    with pytest.raises(InputError, match="is of version 99, this program knows"):
+    with pytest.raises(InputError, match="is of version 99, this program reads 2 to 5"):
         load_map(file)
 
 

@@ -203,6 +203,8 @@ def test_a_map_is_not_mixed_with_another_drawing_of_it(tmp_path):
 
     with pytest.raises(ConfigError, match="another folder"):
         export_map(small_result(), tmp_path / "map", Drawing(resolution=0.1))
+    with pytest.raises(OutputError, match=r"map\.pgm: is a file of a map"):
+        export_map(small_result(), tmp_path / "map" / "map.pgm", Drawing(resolution=0.1))
     with pytest.raises(ConfigError, match="unknown ending"):
         export_map(small_result(), tmp_path / "map.jpg")
     with pytest.raises(ConfigError, match="no format 'svg'"):

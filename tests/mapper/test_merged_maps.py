@@ -220,6 +220,17 @@ def test_too_few_maps_are_refused(given):
         cartoloop.merge(given)
 
 
+@pytest.mark.parametrize("twice", [["a", "./a/"], ["a", "a/map.cartoloop"], ["a", "b/../a"]])
+def test_a_path_that_is_given_twice_is_refused(twice):
+    with pytest.raises(UsageError, match="is given twice; give each map once"):
+        cartoloop.merge(twice)
+
+
+def test_a_map_that_is_given_twice_is_refused(maps):
+    with pytest.raises(UsageError, match="a map is given twice"):
+        cartoloop.merge([maps[0], maps[1], maps[0]])
+
+
 def test_map_without_returns_is_refused(maps):
     bare = replace(maps[0], node_points=())
     with pytest.raises(UsageError, match="no returns"):

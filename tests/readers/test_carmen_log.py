@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cartoloop
+from cartoloop.errors import InputError
 from cartoloop.readers import open_log, open_logs, read
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import Pose, compose
@@ -326,3 +327,6 @@ def test_logs_in_a_row_go_on_in_time_with_their_own_stamps(tmp_path):
     assert chain.name == "a + b"
     assert scans[0].geometry == replace(scans[5].geometry)
     assert open_logs([tmp_path / "a"]).name == "a"
+    (tmp_path / "link").symlink_to(tmp_path / "a")
+    with pytest.raises(InputError, match="link: is given twice"):
+        open_logs([tmp_path / "a", tmp_path / "b", tmp_path / "link"])

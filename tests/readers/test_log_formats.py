@@ -140,7 +140,9 @@ def test_a_finished_pass_keeps_its_problems(faulty_path):
 
 
 def test_passes_over_a_chain_do_not_mix(faulty_path):
-    chain = open_logs([faulty_path, faulty_path])
+    second = faulty_path.with_name(f"second-{faulty_path.name}")
+    second.write_bytes(faulty_path.read_bytes())
+    chain = open_logs([faulty_path, second])
     half, whole = iter(chain), iter(chain)
     list(islice(half, 16))
     num_events = len(list(whole))

@@ -67,9 +67,9 @@ def closures_command(
     )
     if plot is not None and plot_format is not None:
         from cartoloop.evaluation.closure_plots import closures_plot
-        from cartoloop.map_output.save import write_file
+        from cartoloop.map_output.save import write_apart
 
-        write_file(plot, closures_plot(run, title=out.resolve().name, image_format=plot_format))
+        write_apart(plot, closures_plot(run, title=out.resolve().name, image_format=plot_format))
     typer.echo(json.dumps(score.to_dict(), indent=2) if as_json else _table(score))
 
 

@@ -115,11 +115,11 @@ def _column(error: RelationsError) -> list[str]:
 
 def _plot(errors: list[RelationsError], path: Path, image_format: ImageFormat, title: str) -> None:
     from cartoloop.evaluation.plots import ErrorSeries, error_histogram
-    from cartoloop.map_output.save import write_file
+    from cartoloop.map_output.save import write_apart
 
     labels = ["all"] if len(errors) == 1 else ["after loop closure", "before"]
     series = [
         ErrorSeries(label, error.translations, error.rotations_deg)
         for label, error in zip(labels, errors, strict=True)
     ]
-    write_file(path, error_histogram(series, title=title, image_format=image_format))
+    write_apart(path, error_histogram(series, title=title, image_format=image_format))

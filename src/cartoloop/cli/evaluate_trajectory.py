@@ -135,7 +135,7 @@ def _short(path: Path) -> Path:
 
 def _plot(error: TrajectoryError, path: Path, image_format: ImageFormat, title: str) -> None:
     from cartoloop.evaluation.plots import ErrorSeries, TrajectoryLine, trajectory_error_plot
-    from cartoloop.map_output.save import write_file
+    from cartoloop.map_output.save import write_apart
 
     absolute = error.absolute
     image = trajectory_error_plot(
@@ -147,4 +147,4 @@ def _plot(error: TrajectoryError, path: Path, image_format: ImageFormat, title: 
         title=title,
         image_format=image_format,
     )
-    write_file(path, image)
+    write_apart(path, image)

@@ -118,9 +118,12 @@ def live_command(options: LiveCommandOptions) -> None:
     from cartoloop.cli.live_mapping import map_source, poses_stream
     from cartoloop.cli.mapping import require_good
     from cartoloop.cli.session_lines import require_joined
+    from cartoloop.map_file.read import require_map
 
+    if onto is not None:
+        require_map(onto)
     source = options.make_source(options.source)
-    with poses_stream(options.poses) as poses:
+    with poses_stream(options.poses, options.source) as poses:
         from cartoloop.live.live_run import LiveOptions
 
         result = map_source(

@@ -19,6 +19,7 @@ from cartoloop.cli.view_command import wait_for_stop
 from cartoloop.errors import OutputError
 from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
 from cartoloop.live.poses import open_poses
+from cartoloop.map_file.file_set import require_no_map_file
 from cartoloop.plain_text import one_line
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
@@ -139,17 +140,27 @@ class _Display(LiveObserver):
 
 
 @contextmanager
-def poses_stream(name: str | None) -> Iterator[BinaryIO | None]:
+def poses_stream(name: str | None, *inputs: str | Path) -> Iterator[BinaryIO | None]:
     """Yield the stream for poses: a file, standard output for ``-``, or None.
+
+    Parameters
+    ----------
+    name : of the file.
+    inputs : what is read, which it must not replace.
 
     Raises
     ------
     OutputError
-        The file cannot be written, or nobody reads the pipe.
+        The file cannot be written or is read, or nobody reads the pipe.
     """
     if name is None:
         yield None
         return
+    if name != "-":
+        path = Path(name)
+        require_no_map_file(path)
+        if path.is_file() and any(Path(each).is_file() and path.samefile(each) for each in inputs):
+            raise OutputError(f"--poses {name}: is read by this command; give another file")
     file: BinaryIO
     try:
         # Not sys.stdout, which forgets what is lost: the loss of poses is reported.

@@ -101,7 +101,7 @@ class LocateOptions(ViewOptions, ChangeOptions, ReadingOptions, LiveSourceOption
     ] = False
 
     def require_view(self) -> None:
-        """Refuse options that have no effect without a view, or on a live source.
+        """Refuse options that have no effect without a view, or on such a source.
 
         Raises
         ------
@@ -113,6 +113,13 @@ class LocateOptions(ViewOptions, ChangeOptions, ReadingOptions, LiveSourceOption
             raise typer.BadParameter(
                 "is for recordings: a live source has its own", param_hint="--speed"
             )
+        given = {
+            "--source-host": self.source_host is not None,
+            "--end-after": self.end_after is not None,
+            "--no-drop": self.no_drop,
+        }
+        if not self.is_live and (name := next((each for each in given if given[each]), None)):
+            raise typer.BadParameter("is for live sources: leave it out", param_hint=name)
 
     @property
     def is_live(self) -> bool:
@@ -125,26 +132,22 @@ def locate_command(options: LocateOptions) -> None:
     """Say where a robot is in a finished map, scan by scan, and when it is not known."""
     start = parse_pose_deg(options.at, "--at")
     options.require_view()
-    read_options = options.read_options()
+    options.read_options()  # refused before the map is read
     loaded = options.load()
 
     from cartoloop.cli.live_mapping import poses_stream
     from cartoloop.cli.locate_view import open_view, stay_open
     from cartoloop.cli.mapping import compilation_notice, show_problems
     from cartoloop.cli.stop_signals import stop_signals
+    from cartoloop.errors import Interrupted
     from cartoloop.localisation.run import PoseKeeper, RunSummary
 
     options.check(options.map_, is_live=options.is_live)
     is_quiet = options.poses == "-"
-    log = None
-    if not options.is_live:
-        from cartoloop.readers import open_log
-
-        log = open_log(options.source, read_options)
-        options.check_recording(options.map_, log)
+    log = None if options.is_live else _recording(options)
     with ExitStack() as closing:
         with (
-            poses_stream(options.poses) as poses,
+            poses_stream(options.poses, options.map_, options.source) as poses,
             compilation_notice() as compiler,
             stop_signals() as stop,
         ):
@@ -171,11 +174,23 @@ def locate_command(options: LocateOptions) -> None:
             if options.update and log is not None:
                 at = run.summary.first_pose
                 update(options.map_, log, loaded, at, stop, compiler, run.say)
+        was_stopped = log is not None and stop.made
         if view is not None and not stop.made:
             stay_open(view, is_quiet=is_quiet)
+    if was_stopped:
+        raise Interrupted(f"stopped after {sum(run.summary.states.values())} scans")
     if options.strict and run.summary.pose is None:
         raise typer.Exit(NEVER_LOCATED_STATUS)
     _require_whole(log)
+
+
+def _recording(options: LocateOptions) -> Log:
+    """Return the recording, which can be compared with the map as the options ask."""
+    from cartoloop.readers import open_log
+
+    log = open_log(options.source, options.read_options())
+    options.check_recording(options.map_, log)
+    return log
 
 
 def _localizer(options: LocateOptions, config: Config, start: Pose | None) -> Localizer:

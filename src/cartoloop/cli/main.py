@@ -199,6 +199,13 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     0: done, 1: failed, 2: wrong usage or configuration, 3: with --strict, the map is not good,
     4: a session found no place in the map, 130: interrupted.
     """
+    if program is app and "" in arguments:  # as a path, it would be the working directory
+        place = list(arguments).index("")
+        after = f", after {arguments[place - 1]}" if place else ""
+        typer.echo(
+            f"cartoloop: an argument is empty{after}: is a variable of the shell not set?", err=True
+        )
+        return 2
     debug = "--debug" in arguments  # at any position
     name = program.info.name if isinstance(program.info.name, str) else None
     try:

@@ -40,10 +40,10 @@ def make_relations_command(
     """
     from cartoloop.evaluation import make_relations as generator
     from cartoloop.evaluation.finished_run import read_run
-    from cartoloop.map_output.save import write_file
+    from cartoloop.map_output.save import write_apart
 
     made = generator.make_relations(read_run(out), min_distance, max_translation, max_rotation)
-    write_file(relations, generator.relations_text(made))
+    write_apart(relations, generator.relations_text(made))
     typer.echo(f"{len(made.stamps)} relations: {relations}")
     typer.echo(
         f"score local SLAM by them: cartoloop evaluate relations {out / 'local_trajectory.tum'} "

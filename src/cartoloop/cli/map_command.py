@@ -124,7 +124,7 @@ def map_command(options: MapOptions) -> None:
     pose = parse_pose_deg(options.at, "--at")
     out = options.folder
 
-    from cartoloop.map_file.read import require_there
+    from cartoloop.map_file.read import require_map
     from cartoloop.readers import open_logs
     from cartoloop.readers.spool import regular_files
     from cartoloop.runs.opening import folder_of
@@ -135,7 +135,7 @@ def map_command(options: MapOptions) -> None:
         if options.onto is None:  # otherwise when that map is open, whose name the new one shares
             folder.check()
         else:
-            require_there(options.onto)
+            require_map(options.onto)
         _note_interrupted(folder)
     else:
         before = _as_before(options, loaded, read_options, folder, pose)

@@ -12,6 +12,7 @@ import typer
 
 from cartoloop.cli.completion import complete_lidar, complete_odometry_fault, complete_world
 from cartoloop.errors import ConfigError
+from cartoloop.map_file.file_set import require_no_map_file
 
 if TYPE_CHECKING:
     from cartoloop.simulation import Lidar, Recording, World
@@ -213,6 +214,8 @@ def simulate_command(options: SimulateOptions) -> None:
     """Simulate a robot's drive: scans, and odometry, with noise."""
     files = (options.out, options.truth, options.relations, options.lines)
     paths = [path.resolve() for path in files if path is not None]
+    for file in paths:
+        require_no_map_file(file)
     if twice := sorted(path for path in set(paths) if paths.count(path) > 1):
         raise ConfigError(f"{twice[0]}: cannot hold two outputs: give each a name of its own")
 

@@ -21,7 +21,7 @@ from cartoloop.map_output.colours import (
     Colour,
     text_colour,
 )
-from cartoloop.map_output.save import write_file
+from cartoloop.map_output.save import write_apart
 
 PICTURE_FORMATS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
 """Of pictures of lines, by the suffix of their names."""
@@ -67,7 +67,7 @@ def write_picture(picture: Image.Image, path: Path) -> None:
     picture_format = format_by_suffix(path, PICTURE_FORMATS)
     buffer = io.BytesIO()
     picture.save(buffer, format=picture_format)
-    write_file(path, buffer.getvalue())
+    write_apart(path, buffer.getvalue())
 
 
 def _shaded(map_image: MapImage) -> Image.Image:

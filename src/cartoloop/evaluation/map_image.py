@@ -118,12 +118,18 @@ def read_map(path: str | PathLike[str]) -> MapImage:
     image = values["image"]
     if not isinstance(image, str) or not image:
         raise InputError(f"{path}: image is '{image}'; expected the name of an image file")
+    occupied, free = (_number(path, values, f"{name}_thresh") for name in ("occupied", "free"))
+    if not 0.0 <= free <= occupied <= 1.0:
+        raise InputError(
+            f"{path}: free_thresh is {free:g}, occupied_thresh {occupied:g}; expected 0 to 1, and "
+            "the first not above the second"
+        )
     return MapImage(
         occupancy=_read_occupancy(path.parent / image, mode, _negate(path, values), path),
         resolution=resolution,
         origin=_origin(path, values),
-        occupied_thresh=_number(path, values, "occupied_thresh"),
-        free_thresh=_number(path, values, "free_thresh"),
+        occupied_thresh=occupied,
+        free_thresh=free,
     )
 
 
@@ -184,7 +190,8 @@ def _negate(path: Path, values: dict[str, str | list[str]]) -> bool:
 def _origin(path: Path, values: dict[str, str | list[str]]) -> Pose:
     origin = values["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
-        raise InputError(f"{path}: origin is '{origin}'; expected [x, y, yaw]")
+        given = f"[{', '.join(origin)}]" if isinstance(origin, list) else origin
+        raise InputError(f"{path}: origin is '{given}'; expected [x, y, yaw]")
     return Pose(*(_to_number(path, "origin", value) for value in origin))
 
 

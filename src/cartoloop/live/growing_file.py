@@ -14,6 +14,7 @@ from cartoloop.live.messages import LiveMessage
 from cartoloop.live.notices import Notices
 from cartoloop.live.source import LineReceiver, Put, parse_json_line
 from cartoloop.readers.log import short_name
+from cartoloop.readers.ros.opening import is_recording
 
 PERIOD_S = 0.02
 """Period at which the file is checked for more [s]."""
@@ -41,6 +42,11 @@ class GrowingFile:
                 raise InputError(
                     f"{self._path}: is a folder, a pipe or a device and cannot be followed; of a "
                     f"pipe, give its messages: cartoloop live - < {self._path}"
+                )
+            if is_recording(self._path):
+                raise InputError(
+                    f"{self._path}: is a ROS recording and cannot be followed; use 'cartoloop map' "
+                    "when it is complete, or follow the topics with ros2:"
                 )
             with self._path.open("rb") as file:
                 if file.read(2) == b"\x1f\x8b":

@@ -110,8 +110,8 @@ def read_pose_file(path: Path) -> KeptPose | None:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, UsageError, RecursionError) as error:
         raise InputError(
-            f"{path}: is no pose that 'cartoloop locate --keep' wrote; remove it, or give another "
-            "name"
+            f"{path}: is no pose that 'cartoloop locate --keep' wrote; give another name, or "
+            "remove it if it is of no use"
         ) from error
 
 

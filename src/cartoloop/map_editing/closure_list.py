@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cartoloop.arguments import shown
 from cartoloop.errors import UsageError
 from cartoloop.global_slam.closure_residuals import residuals, weights
 from cartoloop.global_slam.closure_status import Reason, Status
@@ -106,7 +105,7 @@ def closure_rows(
 def _status(word: str) -> Status:
     names = {status.text: status for status in Status}
     if word not in names:
-        raise UsageError(f"no status {shown(word)}: choose from {', '.join(names)}")
+        raise UsageError(f"no status {word!r}: choose from {', '.join(names)}")
     return names[word]
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from cartoloop.errors import InputError, OutputError
 from cartoloop.global_slam.graph_adjustment import AdjustmentRun
+from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.map_data import MapData
 from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.schema import FILE_NAME
@@ -46,6 +47,10 @@ class EditedFolder:
         folder = given.parent if given.name == FILE_NAME and not given.is_dir() else given
         repair_file_set(folder)
         if not (folder / FILE_NAME).is_file():
+            if (folder / JOURNAL).is_file():
+                raise InputError(
+                    f"{folder}: mapping was interrupted; finish it with --resume, then edit it"
+                )
             raise InputError(
                 f"{folder}: has no {FILE_NAME}; give a folder that 'cartoloop map' wrote"
             )
@@ -82,7 +87,7 @@ class EditedFolder:
     def _require_unchanged(self) -> None:
         if map_state(self.path) != self.state:
             raise OutputError(
-                f"{self.path}: was changed by another program meanwhile; edit it again"
+                f"{self.path}: was changed by another program meanwhile; open it again to edit it"
             )
 
 

@@ -43,7 +43,7 @@ class Editor(Generic[AnyMap]):
         if not original.report.finished:
             raise InputError(
                 f"{'the map' if folder is None else folder.path}: mapping was stopped before its "
-                "end; finish it first, then edit it"
+                "end; finish it with --resume, then edit it"
             )
         self._folder = folder
         try:

@@ -291,13 +291,15 @@ def _index(value: object, what: str) -> int:
 
 
 def _name(value: object) -> str:
-    if not isinstance(value, str) or not 1 <= len(value) <= MAX_NAME or one_line(value) != value:
-        raise UsageError(f"the name is {shown(value)}: give 1 to {MAX_NAME} plain characters")
+    if not isinstance(value, str):
+        raise UsageError(f"the name is {shown(value)}: give a text")
+    if not 1 <= len(value) <= MAX_NAME or one_line(value) != value:
+        raise UsageError(f"the name is {value[:MAX_NAME]!r}: give 1 to {MAX_NAME} plain characters")
     return value
 
 
 def _pose(value: object, what: str) -> Pose:
     x, y, theta = as_pose(value, what)
     if not (abs(x) <= _MAX_COORDINATE and abs(y) <= _MAX_COORDINATE):
-        raise UsageError(f"{what} is {shown(value)}: {_TOO_FAR} poses")
+        raise UsageError(f"{what} is x {x:g} m, y {y:g} m: {_TOO_FAR} poses")
     return Pose(x, y, wrap_angle(theta))

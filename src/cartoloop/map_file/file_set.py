@@ -17,6 +17,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from cartoloop.errors import OutputError
+from cartoloop.journal.frames import FILE_NAME as JOURNAL
+from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.stop_request import StopRequest
 
 try:
@@ -50,6 +52,23 @@ REPLACING = ".replacing"
 
 MOVING = ".moving"
 """The same folder when the old ones are removed: its files are moved to where they belong."""
+
+
+def require_no_map_file(path: Path) -> None:
+    """Check that a file that is to be written is none of a map, which would be lost or mixed.
+
+    Raises
+    ------
+    OutputError
+        It is.
+    """
+    if path.name in (*FILES, JOURNAL) and any(
+        path.with_name(name).is_file() for name in (FILE_NAME, JOURNAL)
+    ):
+        raise OutputError(
+            f"{path}: is a file of a map, which would be damaged; give another name, or another "
+            "folder"
+        )
 
 
 @contextmanager

@@ -124,16 +124,22 @@ def map_file_of(path: str | PathLike[str]) -> Path:
     return journal if journal.is_file() and not database.is_file() else database
 
 
-def require_there(path: str | PathLike[str]) -> None:
-    """Check that there is a file or folder that may be a map, before anything long begins.
+def require_map(path: str | PathLike[str]) -> None:
+    """Check that there is a map of a version that can be read, before anything long begins.
 
     Raises
     ------
     InputError
         There is none.
     """
-    if not as_path(path, "map").exists():
+    given = as_path(path, "map")
+    if not given.exists():
         raise _not_there(path)
+    repair_file_set(given if given.is_dir() else given.parent)
+    file = map_file_of(given)
+    if file.name != JOURNAL:
+        with _opened(file):
+            pass
 
 
 def _not_there(path: str | PathLike[str]) -> InputError:
@@ -148,8 +154,16 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
     """Yield the database, opened for reading."""
     if not file.is_file():
         raise _not_there(file)
+    advice = "map the recording again"
+    if file.name != FILE_NAME:
+        advice = (
+            f"give a folder that 'cartoloop map' wrote, or the file {FILE_NAME} in one; "
+            "a recording is mapped first, with 'cartoloop map'"
+        )
     try:
-        file.open("rb").close()
+        with file.open("rb") as opened:
+            if not opened.read(1):
+                raise InputError(f"{file}: is empty; {advice}")
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}; check the file") from error
     try:
@@ -157,20 +171,14 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
         application_id = database.execute("PRAGMA application_id").fetchone()[0]
         version = database.execute("PRAGMA user_version").fetchone()[0]
     except sqlite3.Error as error:
-        advice = "map the recording again"
-        if file.name != FILE_NAME:
-            advice = (
-                f"give a folder that 'cartoloop map' wrote, or the file {FILE_NAME} in one; "
-                "a recording is mapped first, with 'cartoloop map'"
-            )
         raise InputError(f"{file}: is no map database ({error}); {advice}") from error
     with closing(database):
         if application_id != APPLICATION_ID:
             raise InputError(f"{file}: is a database, but no map; give one that cartoloop wrote")
         if version not in READABLE_VERSIONS:
-            known = " and ".join(map(str, READABLE_VERSIONS))
+            first, last = min(READABLE_VERSIONS), max(READABLE_VERSIONS)
             raise InputError(
-                f"{file}: is of version {version}, this program knows {known}; "
+                f"{file}: is of version {version}, this program reads {first} to {last}; "
                 "use the program that wrote it, or map the recording again"
             )
         yield database

@@ -20,7 +20,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 from cartoloop.map_data import MapData
-from cartoloop.map_file.file_set import replaced_files
+from cartoloop.map_file.file_set import replaced_files, require_no_map_file
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.main_part import main_scans, main_submaps
@@ -113,6 +113,8 @@ def export_map(
                 f"{path}: holds a map, whose files would no longer belong together; export into "
                 "another folder"
             )
+    else:
+        require_no_map_file(path)
     turned_map = turned(result, drawing.turn)
     stem = None if single is None else path.stem
     # All of it first: nothing is created for a map that cannot be drawn.

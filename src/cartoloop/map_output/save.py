@@ -16,7 +16,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_file import schema as map_file
-from cartoloop.map_file.file_set import new_file_set
+from cartoloop.map_file.file_set import new_file_set, require_no_map_file
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.main_part import main_path, main_scans, main_submaps
@@ -127,6 +127,18 @@ def write_file(path: Path, content: str | bytes) -> None:
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     with unfinished_file(path) as unfinished:
         unfinished.write_bytes(data)
+
+
+def write_apart(path: Path, content: str | bytes) -> None:
+    """Write a file as `write_file` does, but none of those of a map.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written, or is a file of a map; an existing file is kept.
+    """
+    require_no_map_file(path)
+    write_file(path, content)
 
 
 def png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:

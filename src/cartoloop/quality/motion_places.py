@@ -31,6 +31,12 @@ which the search for loop closures spans, later visits agree with what was seen 
 share of them was measured to agree along the path."""
 
 
+_PARTS_ALONE = (
+    "map the parts before and after it alone, and merge the maps; record without interruption, or "
+    "stand still while the recording is paused"
+)
+
+
 def gap_places(
     found: list[Event], met: Encounters, shifts: FloatArray, content: MapContent
 ) -> list[Place]:
@@ -49,8 +55,7 @@ def gap_places(
             Severity.MINOR if _is_made_up_for(event, met, shifts, content) else Severity.DOUBTFUL,
             f"{event.seconds:.1f} s of the recording are missing while the robot drove: it moved "
             f"some {event.expected:.1f} m by its speed, {event.moved:.1f} m by the scans",
-            "map the parts before and after it alone; record without interruption, or stand still "
-            "while the recording is paused",
+            _PARTS_ALONE,
         )
         for event in found
     ][:MAX_PLACES]
@@ -76,8 +81,7 @@ def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> l
                 Severity.MINOR if is_bridged else Severity.DOUBTFUL,
                 f"{event.seconds:.1f} s of the recording are missing, and the scans before and "
                 "after it do not fit to each other: the robot was moved or turned",
-                "map the parts before and after it alone; record without interruption, or stand "
-                "still while the recording is paused",
+                _PARTS_ALONE,
             )
         )
     return places[:MAX_PLACES]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -93,9 +94,13 @@ def open_logs(paths: Sequence[str | PathLike[str]], options: ReadOptions | None 
     Raises
     ------
     InputError
-        As `open_log`, for any of them.
+        As `open_log`, for any of them, or one is given twice.
     ValueError
         If there are no paths.
     """
+    given = [os.path.realpath(as_path(path, "recording")) for path in paths]
+    for place, path in enumerate(paths):
+        if given[place] in given[:place]:
+            raise InputError(f"{path}: is given twice; give each part of a recording once")
     logs = [open_log(path, options) for path in paths]
     return logs[0] if len(logs) == 1 else LogChain(logs)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from cartoloop.config_file import LoadedConfig, config_hash
 from cartoloop.errors import Interrupted, UsageError
 from cartoloop.map_data import MapData
-from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.runs.end import Outcome, save_outcome, timed
 from cartoloop.stop_request import StopRequest
@@ -51,13 +50,13 @@ def merge_maps(
     Interrupted
         The run was stopped; nothing was changed.
     """
-    from cartoloop.merging import merge
+    from cartoloop.merging import merge, require_different
     from cartoloop.readers.fingerprint import joint_fingerprint
     from cartoloop.result import load_map
 
     if len(maps) < 2:
         raise UsageError("merge: one map given: give at least two")
-    _require_different(maps)
+    require_different(maps)
     start = time.perf_counter()
     loaded = [load_map(each) for each in maps]
     for line in _in_several(maps, loaded):
@@ -80,22 +79,6 @@ def merge_maps(
         outcome, folder, layers, origins, lambda place: note(f"writing {place}"), start, stop
     )
     return saved.outcome.result, saved.place or out
-
-
-def _require_different(maps: Sequence[Path]) -> None:
-    """Check that no map is given twice.
-
-    Raises
-    ------
-    UsageError
-        One is; each of its scans would be in the merged map twice.
-    """
-    seen: set[Path] = set()
-    for path in maps:
-        place = (path.parent if path.name == FILE_NAME else path).resolve()
-        if place in seen:
-            raise UsageError(f"merge: {path} is given twice; give each map once")
-        seen.add(place)
 
 
 def _in_several(maps: Sequence[Path], contents: Sequence[MapData]) -> Iterator[str]:

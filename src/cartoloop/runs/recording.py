@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from cartoloop.arguments import as_path
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
+from cartoloop.map_sessions import checked_onto_pose
 from cartoloop.runs.journal import RunJournal, begin_journal, options_document
 from cartoloop.runs.observer import RunObserver
 from cartoloop.runs.opening import loaded_config, opened_log
@@ -78,12 +79,13 @@ def map_recording(
     loaded = loaded_config(config)
     drawn = DEFAULT_LAYERS if layers is None else known_layers(layers)
     out = None if out is None else as_path(out, "map_recording: out")
+    start = checked_onto_pose(onto, onto_pose, "map_recording")
     log = opened_log(recording, options, out if onto is None else None, overwrite)
     base = None
     if onto is not None:
         from cartoloop.runs.base import base_of_new_run, has_recording
 
-        base = base_of_new_run(onto, onto_pose, out, loaded.config, (log.name, log.fingerprint))
+        base = base_of_new_run(onto, start, out, loaded.config, (log.name, log.fingerprint))
         if observer is not None and has_recording(base.content, log.fingerprint):
             observer.already_added(log.name)
     run = Run(log, loaded, drawn, observer or RunObserver(), stop or StopRequest(), base)
