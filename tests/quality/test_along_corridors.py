@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -179,19 +180,22 @@ def test_between_sessions_nothing_is_displaced():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("expected", "measured", "severity"),
+    ("expected", "measured", "moved", "severity"),
     [
-        (3.0, True, Severity.MINOR),
-        (3.0, False, Severity.DOUBTFUL),
-        (9.0, True, Severity.DOUBTFUL),
+        (3.0, True, 2.5, Severity.MINOR),
+        (3.0, False, 2.5, Severity.DOUBTFUL),
+        (3.0, True, 0.5, Severity.DOUBTFUL),
+        (9.0, True, 8.0, Severity.DOUBTFUL),
     ],
 )
-def test_a_gap_that_visits_made_up_for_is_minor(rounds, expected, measured, severity):
+def test_a_gap_that_visits_made_up_for_is_minor(rounds, expected, measured, moved, severity):
     result, met, paths, shifts = rounds
     middle = int(np.searchsorted(paths, 0.5 * paths[-1]))
     event = Event(int(result.node_scan_index[middle]), 5.0, 0.5, expected)
     known = shifts if measured else np.full_like(shifts, np.nan)
+    trajectory = result.trajectory.copy()
+    trajectory[: event.scan, 0] -= moved  # by the closures
 
-    (place,) = gap_places([event], met, known, result)
+    (place,) = gap_places([event], met, known, replace(result, trajectory=trajectory))
 
     assert place.severity is severity

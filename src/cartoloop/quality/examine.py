@@ -19,6 +19,7 @@ from cartoloop.quality.corridor_places import NodeVisits, corridor_places, measu
 from cartoloop.quality.corridor_shifts import shifted_places
 from cartoloop.quality.corridors import Corridors
 from cartoloop.quality.encounters import Encounters
+from cartoloop.quality.leaps import leap_places, leaps
 from cartoloop.quality.mirrored import mirrored_places
 from cartoloop.quality.pairs import MappedContent, Pairs, scans_of
 from cartoloop.quality.rejected_closures import rejected_places
@@ -76,6 +77,7 @@ def examine(
         *scattered_places(content, scans),
         *mirrored_places(content, odometry),
         *motion_places.gap_places(_without(gaps, only_clock), met, shifts, content),
+        *leap_places(by_session.events(content, leaps), content),
         *clock_jump_places(only_clock, content),
         *motion_places.misfit_places(misfits, met, content),
         *motion_places.jump_places(jumps, met, content),

@@ -71,20 +71,20 @@ class Event(NamedTuple):
     expected: float
 
 
-def _usual_interval(intervals: FloatArray) -> float:
+def usual_interval(intervals: FloatArray) -> float:
     """Return the usual time between scans [s]; stamps may run backwards or repeat."""
     forwards = intervals[intervals > 0.0]
     return float(np.median(forwards)) if len(forwards) else 1.0
 
 
-def _gap_rows(stamps: FloatArray, intervals: FloatArray) -> list[int]:
+def gap_rows(stamps: FloatArray, intervals: FloatArray) -> list[int]:
     """Return the scans after which there is a gap, where stamps increase all around.
 
     Parameters
     ----------
     intervals : between the scans, by their times as they were repaired for mapping [s].
     """
-    steps, usual = np.diff(stamps), _usual_interval(intervals)
+    steps, usual = np.diff(stamps), usual_interval(intervals)
     rows = np.flatnonzero(intervals > max(MIN_GAP_S, GAP_INTERVALS * usual)).tolist()
     return [
         row
@@ -100,13 +100,13 @@ def gaps(content: MapContent) -> list[Event]:
     if len(stamps) < 10:
         return found
     intervals = np.diff(stamps)
-    usual = _usual_interval(intervals)
+    usual = usual_interval(intervals)
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    if _is_by_distance(steps, intervals):
+    if is_by_distance(steps, intervals):
         return found
     paths = np.concatenate(([0.0], np.cumsum(steps)))
     around = max(3, round(SPEED_OVER_S / max(usual, 1e-3)))
-    for before in _gap_rows(content.stamps, intervals):
+    for before in gap_rows(content.stamps, intervals):
         after, seconds = before + 1, float(intervals[before])
         first, last = max(before - around, 0), min(after + around, len(stamps) - 1)
         speeds = [
@@ -134,7 +134,7 @@ def gaps(content: MapContent) -> list[Event]:
     return found
 
 
-def _is_by_distance(steps: FloatArray, intervals: FloatArray) -> bool:
+def is_by_distance(steps: FloatArray, intervals: FloatArray) -> bool:
     """Return whether a scan was recorded after each length of the path, not after each time.
 
     Then a gap in time says nothing. The steps are long, and vary less than the intervals.
@@ -175,7 +175,7 @@ def misfits(content: MapContent) -> list[Event]:
     scans, poses = content.node_scan_index, content.graph.node_poses
     intervals = np.diff(repair_times(content.stamps)[0])
     found = []
-    for before in _gap_rows(content.stamps, intervals):
+    for before in gap_rows(content.stamps, intervals):
         node = int(np.searchsorted(scans, before, side="right")) - 1
         if not 0 <= node < len(scans) - 1:
             continue
@@ -200,7 +200,7 @@ def _misfit_limit(content: MapContent, node: int) -> float:
 def jumps(content: MapContent) -> list[Event]:
     """Return the steps that are faster than robots are."""
     seconds = _seconds(content)
-    steps = _steps(content.local_trajectory)
+    steps = path_steps(content.local_trajectory)
     return [
         Event(row + 1, float(seconds[row]), float(steps[row]), 0.0)
         for row in np.flatnonzero(_is_fast(steps, seconds)).tolist()
@@ -214,7 +214,7 @@ def tears(content: MapContent) -> list[Event]:
     sequence the largest is returned.
     """
     seconds = _seconds(content)
-    steps, by_scans = _steps(content.trajectory), _steps(content.local_trajectory)
+    steps, by_scans = path_steps(content.trajectory), path_steps(content.local_trajectory)
     rows = np.flatnonzero(_is_fast(steps, seconds) & (steps > by_scans + MIN_JUMP_M))
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
     largest = [int(run[np.argmax(steps[run])]) for run in runs]
@@ -230,7 +230,7 @@ def _seconds(content: MapContent) -> FloatArray:
     return seconds
 
 
-def _steps(poses: FloatArray) -> FloatArray:
+def path_steps(poses: FloatArray) -> FloatArray:
     """Return the lengths of the steps between poses [m]."""
     steps: FloatArray = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     return steps
@@ -239,7 +239,7 @@ def _steps(poses: FloatArray) -> FloatArray:
 def _is_fast(steps: FloatArray, seconds: FloatArray) -> BoolArray:
     """Return which steps are faster than robots are."""
     # Stamps may run backwards or repeat: such steps are judged by the usual interval.
-    usual = _usual_interval(seconds)
+    usual = usual_interval(seconds)
     is_fast: BoolArray = (steps > MIN_JUMP_M) & (steps > JUMP_SPEED * np.maximum(seconds, usual))
     return is_fast
 

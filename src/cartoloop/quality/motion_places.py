@@ -14,7 +14,7 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality.along_corridors import are_here
 from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion import Event, Standing, usual_change
+from cartoloop.quality.motion import MOVED_SHARE, Event, Standing, usual_change
 from cartoloop.quality.odometry_use import has_odometry, length_error, without_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import MAX_PLACES, at_scan, place_around, stamps_of
@@ -27,8 +27,8 @@ this share of all that meet them, and if they are so far from it [m]."""
 
 MAX_MISSING_M, MEASURED_SHARE = 4.0, 0.5
 """A gap is made up for if the robot drove farther than its poses by no more than the first [m],
-which the search for loop closures spans, later visits agree with what was seen before, and this
-share of them was measured to agree along the path."""
+which the search for loop closures spans, the finished map makes up for that, later visits agree
+with what was seen before, and this share of them was measured to agree along the path."""
 
 
 _PARTS_ALONE = (
@@ -63,7 +63,13 @@ def gap_places(
 
 def _is_made_up_for(event: Event, met: Encounters, shifts: FloatArray, content: MapContent) -> bool:
     """Return whether closures have put right what is missing in a gap."""
-    if event.expected - event.moved > MAX_MISSING_M or not _is_bridged(event, met, content):
+    before, after = content.trajectory[event.scan - 1 : event.scan + 1, :2]
+    moved = float(np.hypot(*(after - before)))
+    if (
+        event.expected - event.moved > MAX_MISSING_M
+        or moved < MOVED_SHARE * event.expected
+        or not _is_bridged(event, met, content)
+    ):
         return False
     return float(np.mean(are_here(shifts[_bridges(event, met, content)]))) >= MEASURED_SHARE
 
