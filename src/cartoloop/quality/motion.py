@@ -101,7 +101,7 @@ def gaps(content: MapContent) -> list[Event]:
         return found
     intervals = np.diff(stamps)
     usual = usual_interval(intervals)
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    steps = path_steps(poses)
     if is_by_distance(steps, intervals):
         return found
     paths = np.concatenate(([0.0], np.cumsum(steps)))
@@ -265,7 +265,7 @@ def standing(content: MapContent) -> list[Standing]:
     poses = content.graph.node_poses
     stamps = content.stamps[content.node_scan_index]
     seconds = np.diff(stamps)
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    steps = path_steps(poses)
     turns = np.abs(wrap_angles(np.diff(poses[:, 2])))
     stands = (seconds >= MIN_INTERVAL_S) & (steps < STANDING_M) & (turns < STANDING_RAD)
     rows = np.flatnonzero(stands)

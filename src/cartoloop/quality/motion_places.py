@@ -30,11 +30,11 @@ MAX_MISSING_M, MEASURED_SHARE = 4.0, 0.5
 which the search for loop closures spans, the finished map makes up for that, later visits agree
 with what was seen before, and this share of them was measured to agree along the path."""
 
-
 _PARTS_ALONE = (
     "map the parts before and after it alone, and merge the maps; record without interruption, or "
     "stand still while the recording is paused"
 )
+"""What to do about a gap in the recording."""
 
 
 def gap_places(
