@@ -160,6 +160,25 @@ def test_a_journal_of_another_run_is_not_replaced(writer, path, problems):
     assert "another run writes there" in problems[0]
 
 
+def test_what_a_run_killed_at_once_left_is_removed(path, problems):
+    left = path.with_name(f".{path.name}.12061")
+    left.write_bytes(b"half of a head")
+
+    JournalWriter(path, problems.append, header=b"{}").close()
+
+    assert [each.name for each in path.parent.iterdir()] == [path.name]
+
+
+def test_a_journal_that_another_run_begins_is_kept(path, problems):
+    begun = path.with_name(f".{path.name}.12061")
+    other = JournalWriter(begun, problems.append, header=b"{}")
+
+    JournalWriter(path, problems.append, header=b"{}").close()
+    other.close()
+
+    assert begun.exists()
+
+
 def test_a_journal_is_removed_at_the_end(writer, path):
     writer.remove()
 

@@ -86,6 +86,7 @@ class JournalWriter:
             self._size = self._kept(self._descriptor, kept_size)
         else:
             _refuse_if_locked(path)
+            _remove_unfinished(path)
             self._write()
         self._threads = [
             Thread(target=self._repeat, args=task, name="journal", daemon=True)
@@ -195,7 +196,7 @@ class JournalWriter:
         if self._descriptor is not None and is_locked(self._path):
             raise OSError(errno.EBUSY, "another run writes there")
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
+        beside = self._path.with_name(f"{_unfinished_prefix(self._path)}{os.getpid()}")
         removed = self._descriptor
         descriptor = os.open(beside, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o666)
         try:
@@ -247,6 +248,19 @@ def is_locked(path: Path) -> bool:
     finally:
         os.close(descriptor)
     return False
+
+
+def _unfinished_prefix(path: Path) -> str:
+    """Return how the name of a journal begins until it has its header; the process follows."""
+    return f".{path.name}."
+
+
+def _remove_unfinished(path: Path) -> None:
+    """Remove what processes left that were killed before their journal had its header."""
+    for unfinished in path.parent.glob(f"{_unfinished_prefix(path)}*"):
+        if not is_locked(unfinished):
+            with suppress(OSError):  # it does no harm where it cannot be removed
+                unfinished.unlink(missing_ok=True)
 
 
 def _refuse_if_locked(path: Path) -> None:
