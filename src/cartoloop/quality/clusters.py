@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 
 TILE_M = 4.0
 """Places nearer to each other than about this are one [m]."""
@@ -29,3 +29,12 @@ def clusters(points: FloatArray, tile: float = TILE_M) -> list[IntArray]:
                     front.append(near)
         groups.append(np.array(sorted(group), dtype=np.int64))
     return groups
+
+
+def in_same_tiles(points: FloatArray, others: FloatArray, tile: float = TILE_M) -> BoolArray:
+    """Return which points (n, 2) [m] lie in a tile in which one of the others (k, 2) lies too."""
+    tiles = {tuple(each) for each in np.floor(others / tile).astype(np.int64).tolist()}
+    return np.array(
+        [tuple(each) in tiles for each in np.floor(points / tile).astype(np.int64).tolist()],
+        dtype=np.bool_,
+    )

@@ -9,7 +9,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import QualityConfig
-from cartoloop.quality.clusters import clusters
+from cartoloop.quality.clusters import clusters, in_same_tiles
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.pairs import MapContent, Pairs
 from cartoloop.quality.places import MAX_PLACES, extent, place_around, stamps_of
@@ -21,7 +21,12 @@ MIN_PLACE_M = 2.0
 
 LONG_PLACE_M, LONG_DISPLACED_M, FAR_M = 25.0, 12.0, 0.5
 """However long the path, a place of the first length is doubtful, and one of the second where walls
-stand twice, displaced by the third or more [m]."""
+stand twice, displaced by the third or more [m]. There, encounters must contradict as often as in a
+map that is doubtful for their share: where a place was visited often, people, doors and returns
+that are missing make a few of many contradict."""
+
+MIN_DISPLACED_SHARE = 0.1
+"""Walls stand twice where this share of the encounters that contradict fits better elsewhere."""
 
 CLOSE_LOOPS = (
     "look whether the walls stand twice there; drive through the place once more, or search wider: "
@@ -46,13 +51,18 @@ def contradictions(
             continue
         shift = met.displacement[own]
         known = shift[np.isfinite(shift)]
-        apart = float(np.median(known)) if len(known) else float("nan")
+        stands_twice = len(known) >= MIN_DISPLACED_SHARE * len(shift)
+        apart = float(np.median(known)) if stands_twice else float("nan")
         longest = LONG_DISPLACED_M if apart >= FAR_M else LONG_PLACE_M
-        is_long = length >= longest and not apart < FAR_M
+        is_long = (
+            length >= longest
+            and not apart < FAR_M
+            and _share_around(own, met, content) >= config.doubtful_share
+        )
         severity = _severity_of_share(share, is_long, config)
         what = (
             f"walls stand twice, about {apart:.1f} m apart"
-            if len(known)
+            if stands_twice
             else "returns of one visit lie where another saw floor"
         )
         places.append(
@@ -66,6 +76,14 @@ def contradictions(
             )
         )
     return sorted(places, key=lambda place: -place.radius)[:MAX_PLACES]
+
+
+def _share_around(rows: IntArray, met: Encounters, content: MapContent) -> float:
+    """Return the share of all encounters' length that contradicts where some contradict."""
+    points = content.graph.node_poses[met.pairs.node[met.middle], :2]
+    is_around = in_same_tiles(points, points[rows])
+    total = float(met.length[is_around].sum())
+    return float(met.length[is_around & met.contradicts].sum()) / total
 
 
 WRONG_SLIDE_SHARE = 0.25
