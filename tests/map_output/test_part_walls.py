@@ -194,6 +194,16 @@ def test_wall_that_nobody_saw_past_contradicts(turn):
     assert fault.length == pytest.approx(1.5, abs=0.2)
 
 
+@pytest.mark.parametrize(("beyond", "num_faults"), [(FLOOR, 0), (UNSEEN, 1)])
+def test_cupboard_at_the_edge_of_what_is_seen(beyond, num_faults):
+    # Through a door one sees 0.15 m past its upper end, or not.
+    cells = hall((40, 70, HALL)).grids[0].cells.copy()
+    cells[:37, 50:] = cells[70:, 50:] = UNSEEN
+    cells[37:40, 50:] = beyond
+    seen_through_door = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], np.zeros((1, 3)))
+    assert len(wall_faults(seen_through_door, hall(), SUBMAPS, *LIMITS)) == num_faults
+
+
 def test_wall_of_more_than_furniture_contradicts():
     # 2.5 m: one sees past it, as past the corner of a corridor.
     (fault,) = wall_faults(hall((40, 90, HALL)), hall(), SUBMAPS, *LIMITS)

@@ -280,6 +280,7 @@ def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: floa
     """Return whether the map with a wall saw past an end of it: floor, in line with the wall.
 
     What ends a room or a corridor meets other walls at both ends, and furniture in a corner at one.
+    Where it is seen through a door, what is seen may end just beyond it.
 
     Parameters
     ----------
@@ -305,9 +306,25 @@ def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: floa
         # The cell between wall and floor may be either.
         beyond = np.array(lanes)[:, last + 1 : last + num_free]
         is_floor = (beyond >= 0.0) & (beyond < FLOOR)
-        if last <= most and (np.count_nonzero(~is_floor, axis=1) <= 1).any():
+        is_free = (np.count_nonzero(~is_floor, axis=1) <= 1).any()
+        if last <= most and (is_free or _is_seen_past(beyond[1:])):
             return True
     return False
+
+
+def _is_seen_past(beyond: NDArray[np.float32]) -> bool:
+    """Return whether beams passed an end of a wall at the edge of what is seen, as through a door.
+
+    On all lines behind the wall there is floor beyond its end, if only few beams saw it, and then
+    nothing.
+
+    Parameters
+    ----------
+    beyond : shape (lanes, n), probabilities of the cells beyond the end.
+    """
+    is_free = (beyond >= 0.0) & (beyond < MAYBE_WALL)
+    is_after = np.logical_or.accumulate(~is_free, axis=1)
+    return bool(is_free[:, 0].all() and (~is_after | (beyond < 0.0)).all())
 
 
 def _grown(cells: BoolArray, radius: int) -> BoolArray:
