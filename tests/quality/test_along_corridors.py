@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -183,9 +184,11 @@ def test_between_sessions_nothing_is_displaced():
     ("expected", "measured", "moved", "severity"),
     [
         (3.0, True, 2.5, Severity.MINOR),
+        (9.0, True, 8.0, Severity.MINOR),
         (3.0, False, 2.5, Severity.DOUBTFUL),
         (3.0, True, 0.5, Severity.DOUBTFUL),
-        (9.0, True, 8.0, Severity.DOUBTFUL),
+        (9.0, True, 4.0, Severity.DOUBTFUL),
+        (12.0, True, 11.0, Severity.DOUBTFUL),
     ],
 )
 def test_a_gap_that_visits_made_up_for_is_minor(rounds, expected, measured, moved, severity):
@@ -193,9 +196,10 @@ def test_a_gap_that_visits_made_up_for_is_minor(rounds, expected, measured, move
     middle = int(np.searchsorted(paths, 0.5 * paths[-1]))
     event = Event(int(result.node_scan_index[middle]), 5.0, 0.5, expected)
     known = shifts if measured else np.full_like(shifts, np.nan)
-    trajectory = result.trajectory.copy()
-    trajectory[: event.scan, 0] -= moved  # by the closures
+    graph = deepcopy(result.graph)
+    step = graph.node_poses[middle, :2] - graph.node_poses[middle - 1, :2]
+    graph.node_poses[:middle, :2] -= moved * step / np.hypot(*step)  # by the closures
 
-    (place,) = gap_places([event], met, known, replace(result, trajectory=trajectory))
+    (place,) = gap_places([event], met, known, replace(result, graph=graph))
 
     assert place.severity is severity

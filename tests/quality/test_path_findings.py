@@ -14,7 +14,12 @@ from cartoloop.quality import motion
 from cartoloop.quality.blind_stretches import blind_stretches
 from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion_places import blind_places, jump_places, tear_places
+from cartoloop.quality.motion_places import (
+    blind_places,
+    jump_places,
+    tear_places,
+    without_gaps,
+)
 from cartoloop.quality.odometry_use import length_error
 from cartoloop.quality.pairs import Pairs
 from cartoloop.quality.verdict import Severity
@@ -218,6 +223,38 @@ def test_steps_that_only_the_finished_map_makes_tear_it():
     assert (tear.moved, tear.expected) == (pytest.approx(3.01, abs=0.01), pytest.approx(0.2))
     assert place.severity is Severity.DOUBTFUL
     assert "3.0 m from one scan to the next, 0.2 m by the scans" in place.reason
+
+
+@pytest.mark.parametrize(
+    ("num_moved", "severity"), [(1, Severity.MINOR), (5, Severity.MINOR), (30, Severity.DOUBTFUL)]
+)
+def test_a_tear_of_a_few_scans_is_minor(num_moved, severity):
+    run = finished(drive(), (0.0, 3.0))
+    run.finished[50 + num_moved :, 1] -= 3.0
+
+    tears = motion.tears(run)
+
+    assert 50 <= tears[0].scan <= 51
+    assert {place.severity for place in tear_places(tears, run)} == {severity}
+
+
+def test_scans_that_come_back_elsewhere_are_torn():
+    run = finished(drive(), (0.0, 3.0))
+    run.finished[53:, 1] -= 2.0
+
+    away, back = motion.tears(run)
+
+    assert (away.scan, back.scan) == (50, 53)
+    assert {place.severity for place in tear_places([away, back], run)} == {Severity.DOUBTFUL}
+
+
+@pytest.mark.parametrize(("scan", "num_left"), [(49, 0), (50, 0), (40, 1)])
+def test_what_is_torn_at_a_gap_is_the_gap(scan, num_left):
+    run = finished(drive(), (0.0, 3.0))
+    run.node_scan_index = np.array((0, 30, 48, 51, 60))
+    gap = motion.Event(51, 7.0, 0.0, 7.0)
+
+    assert len(without_gaps([motion.Event(scan, 0.2, 3.0, 0.2)], [gap], run)) == num_left
 
 
 def test_corrections_by_loop_closures_tear_nothing():

@@ -14,21 +14,30 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality.along_corridors import are_here
 from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion import MOVED_SHARE, Event, Standing, usual_change
+from cartoloop.quality.motion import (
+    MIN_JUMP_M,
+    MOVED_SHARE,
+    Event,
+    Standing,
+    path_steps,
+    usual_change,
+)
 from cartoloop.quality.odometry_use import has_odometry, length_error, without_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import MAX_PLACES, at_scan, place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
+from cartoloop.sensor.pose import relative_all
 
 BRIDGED_M, BRIDGED_SHARE, BRIDGE_AWAY_M = 5.0, 0.8, 5.0
 """A gap is bridged if later visits agree with submaps of before over so much path [m], if they are
 this share of all that meet them, and if they are so far from it [m]."""
 
 
-MAX_MISSING_M, MEASURED_SHARE = 4.0, 0.5
-"""A gap is made up for if the robot drove farther than its poses by no more than the first [m],
-which the search for loop closures spans, the finished map makes up for that, later visits agree
-with what was seen before, and this share of them was measured to agree along the path."""
+MAX_UNSURE_M, MEASURED_SHARE = 4.0, 0.5
+"""A gap is made up for if the finished map moves the robot across it as far as its speed has it,
+later visits agree with what was seen before, and this share of them was measured to agree along the
+path. How far it drove is known to a share; where that is more than the first [m], a place that
+looks alike may be as far away."""
 
 _PARTS_ALONE = (
     "map the parts before and after it alone, and merge the maps; record without interruption, or "
@@ -63,15 +72,26 @@ def gap_places(
 
 def _is_made_up_for(event: Event, met: Encounters, shifts: FloatArray, content: MapContent) -> bool:
     """Return whether closures have put right what is missing in a gap."""
-    before, after = content.trajectory[event.scan - 1 : event.scan + 1, :2]
-    moved = float(np.hypot(*(after - before)))
+    nodes = content.graph.node_poses[_nodes_around(event, content), :2]
+    moved = float(np.hypot(*(nodes[1] - nodes[0])))
     if (
-        event.expected - event.moved > MAX_MISSING_M
+        (1.0 - MOVED_SHARE) * event.expected > MAX_UNSURE_M
         or moved < MOVED_SHARE * event.expected
         or not _is_bridged(event, met, content)
     ):
         return False
     return float(np.mean(are_here(shifts[_bridges(event, met, content)]))) >= MEASURED_SHARE
+
+
+def _nodes_around(event: Event, content: MapContent) -> list[int]:
+    """Return the nodes before and after an event.
+
+    Of a gap that closures have put right, scans in between may be placed by the node on the other
+    side.
+    """
+    after = int(np.searchsorted(content.node_scan_index, event.scan))
+    last = len(content.node_scan_index) - 1
+    return [min(max(after - 1, 0), last), min(after, last)]
 
 
 def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> list[Place]:
@@ -103,7 +123,7 @@ def _is_bridged(event: Event, met: Encounters, content: MapContent) -> bool:
 
 def _bridges(event: Event, met: Encounters, content: MapContent) -> BoolArray:
     """Return which encounters compare what was seen before and after an event."""
-    node = int(np.searchsorted(content.node_scan_index, event.scan))
+    node = _nodes_around(event, content)[1]
     first, own = met.pairs.node[met.first], met.pairs.own_node[met.first]
     # At the event itself scans agree with what is seen through it, however wrong it is.
     place = content.trajectory[event.scan, :2]
@@ -131,14 +151,28 @@ def jump_places(found: list[Event], met: Encounters, content: MapContent) -> lis
     ][:MAX_PLACES]
 
 
+def without_gaps(found: list[Event], others: list[Event], content: MapContent) -> list[Event]:
+    """Return the events but those between the same two nodes as some gaps: these are gaps, too."""
+    gaps = {_nodes_around(event, content)[1] for event in others}
+    return [event for event in found if _nodes_around(event, content)[1] not in gaps]
+
+
+TAKEN_BACK_M = 2.0
+"""Path to either side of a tear within which the finished map may go on as the scans do [m]."""
+
+
 def tear_places(found: list[Event], content: MapContent) -> list[Place]:
-    """Return the places where the graph tears the path apart, the largest."""
+    """Return the places where the graph tears the path apart, the largest.
+
+    Minor ones where a few scans alone are elsewhere, as by a loop closure of one node that is
+    false: what is before and after it lies to each other as the scans have it.
+    """
     return [
         at_scan(
             event,
             content,
             Kind.JUMP,
-            Severity.DOUBTFUL,
+            Severity.MINOR if _is_taken_back(event, content) else Severity.DOUBTFUL,
             f"the path is torn: {event.moved:.1f} m from one scan to the next, "
             f"{event.expected:.1f} m by the scans",
             "pins or loop closures contradict each other: `cartoloop edit` undoes a pin or drops "
@@ -146,6 +180,21 @@ def tear_places(found: list[Event], content: MapContent) -> list[Place]:
         )
         for event in sorted(found, key=lambda event: -event.moved)
     ][:MAX_PLACES]
+
+
+def _is_taken_back(event: Event, content: MapContent) -> bool:
+    """Return whether scans shortly before and after a tear lie as they were matched."""
+    poses, by_scans = content.trajectory, content.local_trajectory
+    paths = np.concatenate(([0.0], np.cumsum(path_steps(by_scans))))
+    away = paths - paths[event.scan]
+    near = np.flatnonzero(np.abs(away) <= TAKEN_BACK_M)
+    after = near[near >= event.scan]
+    for before in near[near < event.scan].tolist():
+        apart = relative_all(poses[before], poses[after])
+        apart -= relative_all(by_scans[before], by_scans[after])
+        if np.any(np.hypot(apart[:, 0], apart[:, 1]) <= MIN_JUMP_M):
+            return True
+    return False
 
 
 BRIDGED_BLIND_ERROR_M = 0.15
