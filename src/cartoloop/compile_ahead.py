@@ -33,8 +33,8 @@ from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.agreement import agreement
 from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
-from cartoloop.quality.motion import num_changed
 from cartoloop.quality.pairs import agreement_limits, cell_grid
+from cartoloop.quality.scan_changes import num_changed
 from cartoloop.quality.slides import fits_along
 from cartoloop.runtime.process_memory import relax_gc
 from cartoloop.runtime.stage_timer import StageTimer

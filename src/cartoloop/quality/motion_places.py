@@ -20,11 +20,11 @@ from cartoloop.quality.motion import (
     Event,
     Standing,
     path_steps,
-    usual_change,
 )
 from cartoloop.quality.odometry_use import has_odometry, length_error, without_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import MAX_PLACES, at_scan, place_around, stamps_of
+from cartoloop.quality.scan_changes import usual_change
 from cartoloop.quality.verdict import Kind, Place, Severity
 from cartoloop.sensor.pose import relative_all
 
