@@ -57,7 +57,7 @@ def shifts_along(
     count = round(REACH_M / STEP_M)
     tried: FloatArray = STEP_M * np.arange(-count, count + 1, dtype=np.float64)
     found = np.full((len(met), 2), np.nan)
-    rows = np.unique(np.linspace(0, len(met) - 1, min(len(met), MAX_EXAMINED)).astype(np.int64))
+    rows = examined(len(met))
     submaps = met.pairs.submap[met.first[rows]]
     for submap in np.unique(submaps).tolist():
         grid = content.submap_grids[submap]
@@ -68,6 +68,12 @@ def shifts_along(
             found[row] = _in_map(met, row, _fitting_shift(costs, tried) * along, content)
     found[~_are_supported(found, paths[met_nodes(met)])] = np.nan
     return found
+
+
+def examined(num_encounters: int) -> IntArray:
+    """Return which of some encounters are examined."""
+    count = min(num_encounters, MAX_EXAMINED)
+    return np.unique(np.linspace(0, num_encounters - 1, count).astype(np.int64))
 
 
 def _in_map(met: Encounters, row: int, vector: FloatArray, content: MapContent) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import QualityConfig
-from cartoloop.quality.along_corridors import are_here
+from cartoloop.quality.along_corridors import are_here, examined
 from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion import (
@@ -35,9 +35,9 @@ this share of all that meet them, and if they are so far from it [m]."""
 
 MAX_UNSURE_M, MEASURED_SHARE = 4.0, 0.5
 """A gap is made up for if the finished map moves the robot across it as far as its speed has it,
-later visits agree with what was seen before, and this share of them was measured to agree along the
-path. How far it drove is known to a share; where that is more than the first [m], a place that
-looks alike may be as far away."""
+later visits agree with what was seen before, and this share of those examined was measured to agree
+along the path. How far it drove is known to a share; where that is more than the first [m], a place
+that looks alike may be as far away."""
 
 _PARTS_ALONE = (
     "map the parts before and after it alone, and merge the maps; record without interruption, or "
@@ -80,7 +80,9 @@ def _is_made_up_for(event: Event, met: Encounters, shifts: FloatArray, content: 
         or not _is_bridged(event, met, content)
     ):
         return False
-    return float(np.mean(are_here(shifts[_bridges(event, met, content)]))) >= MEASURED_SHARE
+    rows = examined(len(met))
+    rows = rows[_bridges(event, met, content)[rows]]
+    return len(rows) > 0 and float(np.mean(are_here(shifts[rows]))) >= MEASURED_SHARE
 
 
 def _nodes_around(event: Event, content: MapContent) -> list[int]:
