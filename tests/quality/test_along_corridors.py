@@ -10,7 +10,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cartoloop.quality.along_corridors import are_here, met_nodes, shifts_along
+from cartoloop.quality.along_corridors import (
+    are_here,
+    are_supported,
+    met_nodes,
+    shifts_along,
+)
 from cartoloop.quality.encounters import encounters
 from cartoloop.quality.motion import Event
 from cartoloop.quality.motion_places import gap_places
@@ -78,6 +83,21 @@ def test_a_shift_of_one_encounter_alone_is_none(two_rounds_result):
     shifts = shifts_along(met, moved, scans_of(moved), far_apart)
 
     assert not np.any(np.hypot(*shifts.T) > 0.3)
+
+
+@pytest.mark.parametrize(
+    ("others", "counts"),
+    [([1.0], True), ([1.0, 0.0], True), ([1.0, 0.0, 0.0], False), ([0.0], False), ([], False)],
+)
+def test_shifts_are_not_outnumbered_by_others_nearby(others, counts):
+    # The others meet there, seen from the other visit: the same shift is the opposite one.
+    at = np.array(
+        [(20.0, 150.0)] + [(149.0 - k, 21.0 + k) for k in range(len(others))] + [(90, 90)]
+    )
+    along = np.array([1.0] + [-shift for shift in others] + [0.0])
+    shifts = np.column_stack((along, np.zeros(len(at))))
+
+    assert are_supported(shifts, at)[0] == counts
 
 
 @pytest.mark.slow
