@@ -16,7 +16,7 @@ from cartoloop.quality.along_corridors import (
     met_nodes,
     shifts_along,
 )
-from cartoloop.quality.encounters import encounters
+from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.motion import Event
 from cartoloop.quality.motion_places import gap_places
 from cartoloop.quality.pairs import compared_pairs, path_lengths, scans_of
@@ -199,6 +199,14 @@ def test_between_sessions_nothing_is_displaced():
     assert not displacement_by_scale(run, np.ones(10, bool), ODOMETRY).any()
 
 
+def moved_before(result, middle, moved):
+    """Return the graph of a map whose closures moved what is before a node back [m]."""
+    graph = deepcopy(result.graph)
+    step = graph.node_poses[middle, :2] - graph.node_poses[middle - 1, :2]
+    graph.node_poses[:middle, :2] -= moved * step / np.hypot(*step)
+    return graph
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("expected", "measured", "moved", "severity"),
@@ -216,10 +224,37 @@ def test_a_gap_that_visits_made_up_for_is_minor(rounds, expected, measured, move
     middle = int(np.searchsorted(paths, 0.5 * paths[-1]))
     event = Event(int(result.node_scan_index[middle]), 5.0, 0.5, expected)
     known = shifts if measured else np.full_like(shifts, np.nan)
-    graph = deepcopy(result.graph)
-    step = graph.node_poses[middle, :2] - graph.node_poses[middle - 1, :2]
-    graph.node_poses[:middle, :2] -= moved * step / np.hypot(*step)  # by the closures
+    graph = moved_before(result, middle, moved)
 
     (place,) = gap_places([event], met, known, replace(result, graph=graph))
 
     assert place.severity is severity
+
+
+@pytest.mark.slow
+def test_a_gap_is_not_made_up_for_by_a_few_visits(rounds):
+    result, met, paths, shifts = rounds
+    middle = int(np.searchsorted(paths, 0.5 * paths[-1]))
+    event = Event(int(result.node_scan_index[middle]), 5.0, 0.5, 3.0)
+    moved = replace(result, graph=moved_before(result, middle, 2.5))
+    far = np.hypot(*(met_places(met, result) - result.trajectory[event.scan, :2]).T) > 6.0
+    rows = np.flatnonzero(far & are_here(shifts))[:3]
+    few = Encounters(met.first[rows], met.end[rows], met.pairs, *columns(met, rows))
+
+    [place] = gap_places([event], few, shifts[rows], moved)
+
+    assert few.length.sum() > 5.0
+    assert place.severity is Severity.DOUBTFUL
+
+
+def columns(met, rows):
+    """Return the rest of what is known of some encounters."""
+    return [
+        column[rows]
+        for column in (met.length, met.contradiction, met.displacement, met.contradicts)
+    ]
+
+
+def met_places(met, result):
+    """Return the places of the first nodes of encounters."""
+    return result.graph.node_poses[met.pairs.node[met.first], :2]

@@ -15,6 +15,7 @@ from cartoloop.quality.blind_stretches import blind_stretches
 from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion_places import (
+    FEW_TEARS,
     blind_places,
     jump_places,
     tear_places,
@@ -236,6 +237,19 @@ def test_a_tear_of_a_few_scans_is_minor(num_moved, severity):
 
     assert 50 <= tears[0].scan <= 51
     assert {place.severity for place in tear_places(tears, run)} == {severity}
+
+
+@pytest.mark.parametrize(
+    ("count", "severity"), [(FEW_TEARS, Severity.MINOR), (FEW_TEARS + 1, Severity.DOUBTFUL)]
+)
+def test_many_tears_are_not_minor(count, severity):
+    run = finished(drive(), (0.0, 0.0))
+    for scan in range(10, 10 + 20 * count, 20):
+        run.finished[scan, 1] += 3.0
+
+    places = tear_places(motion.tears(run), run)
+
+    assert [place.severity for place in places] == [severity] * count
 
 
 def test_scans_that_come_back_elsewhere_are_torn():

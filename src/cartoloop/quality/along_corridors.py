@@ -94,12 +94,17 @@ def are_here(shifts: FloatArray) -> BoolArray:
 
 def nodes_here(met: Encounters, shifts: FloatArray, num_nodes: int) -> BoolArray:
     """Return which nodes are in encounters that are measured to agree, or met, shape (n,)."""
-    here = np.zeros(num_nodes, dtype=np.bool_)
-    for row in np.flatnonzero(are_here(shifts)).tolist():
+    return nodes_between(met, np.flatnonzero(are_here(shifts)), num_nodes)
+
+
+def nodes_between(met: Encounters, rows: IntArray, num_nodes: int) -> BoolArray:
+    """Return which nodes are in some encounters, or met, or between such nodes, shape (n,)."""
+    found = np.zeros(num_nodes, dtype=np.bool_)
+    for row in rows.tolist():
         own = slice(int(met.first[row]), int(met.end[row]))
         for nodes in (met.pairs.node[own], met.pairs.own_node[own]):
-            here[int(nodes.min()) : int(nodes.max()) + 1] = True
-    return here
+            found[int(nodes.min()) : int(nodes.max()) + 1] = True
+    return found
 
 
 def met_nodes(met: Encounters) -> IntArray:

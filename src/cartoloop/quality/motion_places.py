@@ -11,7 +11,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import QualityConfig
-from cartoloop.quality.along_corridors import are_here, examined
+from cartoloop.quality.along_corridors import are_here, examined, nodes_between
 from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion import (
@@ -33,11 +33,12 @@ BRIDGED_M, BRIDGED_SHARE, BRIDGE_AWAY_M = 5.0, 0.8, 5.0
 this share of all that meet them, and if they are so far from it [m]."""
 
 
-MAX_UNSURE_M, MEASURED_SHARE = 4.0, 0.5
+MAX_UNSURE_M, MEASURED_SHARE, CONFIRMED_SHARE = 4.0, 0.5, 0.4
 """A gap is made up for if the finished map moves the robot across it as far as its speed has it,
-later visits agree with what was seen before, and this share of those examined was measured to agree
-along the path. How far it drove is known to a share; where that is more than the first [m], a place
-that looks alike may be as far away."""
+later visits agree with what was seen before, and the second share of those examined was measured to
+agree along the path. How far it drove is known to a share; where that is more than the first [m], a
+place that looks alike may be as far away. Of the path before the gap, or of that after it, these
+visits must make the last share: what only looks alike agrees nearby, and not with what follows."""
 
 _PARTS_ALONE = (
     "map the parts before and after it alone, and merge the maps; record without interruption, or "
@@ -80,9 +81,15 @@ def _is_made_up_for(event: Event, met: Encounters, shifts: FloatArray, content: 
         or not _is_bridged(event, met, content)
     ):
         return False
+    bridges = _bridges(event, met, content)
     rows = examined(len(met))
-    rows = rows[_bridges(event, met, content)[rows]]
-    return len(rows) > 0 and float(np.mean(are_here(shifts[rows]))) >= MEASURED_SHARE
+    rows = rows[bridges[rows]]
+    if len(rows) == 0 or float(np.mean(are_here(shifts[rows]))) < MEASURED_SHARE:
+        return False
+    agree = np.flatnonzero(bridges & ~met.contradicts)
+    is_confirmed = nodes_between(met, agree, content.graph.num_nodes)
+    parts = np.split(is_confirmed, [_nodes_around(event, content)[1]])
+    return max(float(np.mean(part)) for part in parts if len(part)) >= CONFIRMED_SHARE
 
 
 def _nodes_around(event: Event, content: MapContent) -> list[int]:
@@ -162,6 +169,11 @@ def without_gaps(found: list[Event], others: list[Event], content: MapContent) -
 TAKEN_BACK_M = 2.0
 """Path to either side of a tear within which the finished map may go on as the scans do [m]."""
 
+FEW_TEARS, TEAR_EVERY_M = 2, 100.0
+"""This number of tears that are taken back, or one on so much path [m], is small: false closures
+are found in any building. Where they are many, there are others that tear nothing, and displace
+more."""
+
 
 def tear_places(found: list[Event], content: MapContent) -> list[Place]:
     """Return the places where the graph tears the path apart, the largest.
@@ -169,18 +181,22 @@ def tear_places(found: list[Event], content: MapContent) -> list[Place]:
     Minor ones where a few scans alone are elsewhere, as by a loop closure of one node that is
     false: what is before and after it lies to each other as the scans have it.
     """
+    found = sorted(found, key=lambda event: -event.moved)
+    are_taken_back = [_is_taken_back(event, content) for event in found]
+    length = float(path_steps(content.local_trajectory).sum())
+    are_few = sum(are_taken_back) <= max(FEW_TEARS, length / TEAR_EVERY_M)
     return [
         at_scan(
             event,
             content,
             Kind.JUMP,
-            Severity.MINOR if _is_taken_back(event, content) else Severity.DOUBTFUL,
+            Severity.MINOR if are_few and is_taken_back else Severity.DOUBTFUL,
             f"the path is torn: {event.moved:.1f} m from one scan to the next, "
             f"{event.expected:.1f} m by the scans",
             "pins or loop closures contradict each other: `cartoloop edit` undoes a pin or drops "
             "a closure",
         )
-        for event in sorted(found, key=lambda event: -event.moved)
+        for event, is_taken_back in zip(found, are_taken_back, strict=True)
     ][:MAX_PLACES]
 
 
