@@ -32,8 +32,9 @@ def part_check(config: Config) -> CheckGeometry:
             join.min_hidden_area,
             held_at(parts),
         )
-        if faults and faults[0].length >= join.max_contradicted_wall:
-            worst = faults[0]
+        closing = (fault for fault in faults if fault.closes)
+        worst = next(closing, None)
+        if worst is not None and worst.length >= join.max_contradicted_wall:
             return found._replace(
                 fault=f"a wall of {worst.length:.1f} m at x {worst.x:.1f}, y {worst.y:.1f} "
                 f"contradicts it: the other part saw floor there, and {worst.hidden:.0f} m2 behind "

@@ -2,16 +2,16 @@
 """Walls of one part of a map through which another part saw: what forbids that they are joined.
 
 Furniture that was moved and doors that were opened leave walls where another session sees floor.
-They are short, or what they hide is small for their length, or one sees past an end of them. Beams
-that pass through a window return from nowhere: no walls are seen behind it. The end of a corridor
-that leads on for metres in another session is neither: the two sessions are of different places
-that look alike.
+They are short, or what they hide is small for their length, or one sees past an end of them, or an
+end meets no wall that was there before. Beams that pass through a window return from nowhere: no
+walls are seen behind it. The end of a corridor that leads on for metres in another session is none
+of these: the two sessions are of different places that look alike.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +58,10 @@ STRAIGHT_CELLS = 1.5
 FURNITURE_M = 2.0
 """A shorter wall that stands free at an end may be a piece of furniture [m]."""
 
+SHELVES_M = 3.5
+"""A shorter wall of which an end meets no wall of the other part may be a row of cupboards that was
+moved, as seen through a door [m]."""
+
 HIDDEN_DEPTH_M, HIDDEN_M2 = 2.0, 8.0
 """A wall behind which the other part saw less than this depth along its length [m], and less than
 this area [m^2], may be a row of shelves: where a corridor or a room goes on, there is more."""
@@ -90,12 +94,15 @@ class WallFault(NamedTuple):
     x, y : its middle, in the frame of both parts [m].
     length : of the wall [m].
     hidden : area behind it that only the other part knows, and where that has seen walls [m^2].
+    closes : whether it closes a corridor or room of both: it meets walls of the other part at both
+        ends, or is longer than furniture.
     """
 
     x: float
     y: float
     length: float
     hidden: float
+    closes: bool = True
 
 
 def wall_faults(
@@ -190,7 +197,10 @@ def _faults(
         if area >= max(min_hidden, min(HIDDEN_DEPTH_M * length, HIDDEN_M2)):
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
-            faults.append(WallFault(x, y, length, area))
+            closes = length >= SHELVES_M or _meets_walls(
+                walls, seen > MAYBE_WALL, places, reach, resolution
+            )
+            faults.append(WallFault(x, y, length, area, closes))
     return faults
 
 
@@ -288,6 +298,36 @@ def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: floa
     places : int64, shape (n, 2), row and column of cells of the wall.
     resolution : edge of a cell [m].
     """
+    for end in _ends(walls, places, resolution):
+        # The cell between wall and floor may be either.
+        beyond = end.lanes[:, end.last + 1 : end.last + round(FREE_END_M / resolution)]
+        is_floor = (beyond >= 0.0) & (beyond < FLOOR)
+        is_free = (np.count_nonzero(~is_floor, axis=1) <= 1).any()
+        if end.is_near and (is_free or _is_seen_past(beyond[1:])):
+            return True
+    return False
+
+
+class _End(NamedTuple):
+    """An end of a wall.
+
+    Attributes
+    ----------
+    place : row and column, shape (2,).
+    last : steps by which the wall goes on where nothing contradicts it [cells].
+    is_near : whether it ends there, and does not go on further than is looked at.
+    lanes : shape (len(_LANES), n), probabilities on lines behind the wall, n cells beyond where it
+        is contradicted.
+    """
+
+    place: FloatArray
+    last: int
+    is_near: bool
+    lanes: NDArray[np.float32]
+
+
+def _ends(walls: NDArray[np.float32], places: IntArray, resolution: float) -> Iterator[_End]:
+    """Yield both ends of a wall in its own map."""
     middle, axes = axes_of(places)
     across, along = ((places - middle) @ axes).T
     middle = middle + np.median(across) * axes[:, 0]
@@ -303,13 +343,28 @@ def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: floa
             if step + 1 - last > gap:
                 break
             last = step + 1
-        # The cell between wall and floor may be either.
-        beyond = np.array(lanes)[:, last + 1 : last + num_free]
-        is_floor = (beyond >= 0.0) & (beyond < FLOOR)
-        is_free = (np.count_nonzero(~is_floor, axis=1) <= 1).any()
-        if last <= most and (is_free or _is_seen_past(beyond[1:])):
-            return True
-    return False
+        yield _End(middle + (end + min(last, most)) * ahead, last, last <= most, np.array(lanes))
+
+
+def _meets_walls(
+    walls: NDArray[np.float32], others: BoolArray, places: IntArray, reach: float, resolution: float
+) -> bool:
+    """Return whether both ends of a wall are near walls of the other part.
+
+    Parameters
+    ----------
+    others : cells of the other part that may be walls.
+    reach : the distance [cells].
+    """
+    return all(_is_near(others, end.place, reach) for end in _ends(walls, places, resolution))
+
+
+def _is_near(cells: BoolArray, place: FloatArray, reach: float) -> bool:
+    """Return whether one of the cells is within a distance of a place [cells]."""
+    lower = np.maximum(np.floor(place - reach).astype(np.int64), 0)
+    upper = np.ceil(place + reach).astype(np.int64) + 1
+    near = np.argwhere(cells[lower[0] : upper[0], lower[1] : upper[1]]) + lower
+    return bool(len(near)) and float(np.hypot(*(near - place).T).min()) <= reach
 
 
 def _is_seen_past(beyond: NDArray[np.float32]) -> bool:
