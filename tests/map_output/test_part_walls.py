@@ -43,6 +43,7 @@ def test_corridor_that_goes_on_contradicts_its_end():
         assert fault.x == pytest.approx(5.0, abs=0.2)
         assert fault.length > 1.2
         assert fault.hidden > 5.0
+        assert fault.closes
 
 
 @pytest.mark.parametrize(("x", "is_fault"), [(3.0, True), (-25.0, False)])
@@ -208,6 +209,13 @@ def test_wall_of_more_than_furniture_contradicts():
     # 2.5 m: one sees past it, as past the corner of a corridor.
     (fault,) = wall_faults(hall((40, 90, HALL)), hall(), SUBMAPS, *LIMITS)
     assert fault.length == pytest.approx(2.5, abs=0.2)
+
+
+@pytest.mark.parametrize(("last", "closes"), [(90, False), (116, True)])
+def test_only_long_walls_close_what_they_do_not_span(last, closes):
+    # 2.5 and 3.8 m, in the middle of a hall.
+    (fault,) = wall_faults(hall((40, last, HALL)), hall(), SUBMAPS, *LIMITS)
+    assert fault.closes is closes
 
 
 def test_wall_that_goes_on_is_no_furniture():

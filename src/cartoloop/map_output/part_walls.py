@@ -11,7 +11,7 @@ of these: the two sessions are of different places that look alike.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,14 +21,8 @@ from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import SubmapConfig
 from cartoloop.map_output.hidden_floor import HiddenFloor, area_behind, hidden_floor
 from cartoloop.map_output.occupancy_map import CellBox, compose_map
-from cartoloop.map_output.wall_axes import (
-    FLOOR,
-    MAYBE_WALL,
-    WALL,
-    axes_of,
-    cells_at,
-    directions_behind,
-)
+from cartoloop.map_output.wall_axes import FLOOR, MAYBE_WALL, WALL, axes_of
+from cartoloop.map_output.wall_ends import BRIDGED_M, has_free_end, meets_walls
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -46,12 +40,6 @@ with an accuracy of a cell."""
 PARALLEL, OBLIQUE = (-0.1, 0.0, 0.1), (-0.5, -0.4, -0.3, -0.2, 0.2, 0.3, 0.4, 0.5)
 """Slopes of this line to the wall, and those with which an oblique wall lies beside more of it."""
 
-BRIDGED_M = 0.15
-"""Pieces of wall closer than this belong together [m]."""
-
-_LANES = np.arange(4.0)
-"""Lines along a wall on which one looks past its end, by their distance behind it [cells]."""
-
 STRAIGHT_CELLS = 1.5
 """Cells of a wall lie as close as this to its axis."""
 
@@ -65,12 +53,6 @@ moved, as seen through a door [m]."""
 HIDDEN_DEPTH_M, HIDDEN_M2 = 2.0, 8.0
 """A wall behind which the other part saw less than this depth along its length [m], and less than
 this area [m^2], may be a row of shelves: where a corridor or a room goes on, there is more."""
-
-FREE_END_M = 0.3
-"""Floor beyond the end of a wall, in line with it, by which it stands free there [m]."""
-
-MAX_REST_M = 0.5
-"""A wall that goes on further than this where nothing contradicts it does not end there [m]."""
 
 
 class Submaps(NamedTuple):
@@ -185,7 +167,7 @@ def _faults(
             continue
         piece = np.argwhere(pieces[rows, cols] == number) + np.array((rows.start, cols.start))
         places = piece[contradicted[tuple(piece.T)]]
-        if length < FURNITURE_M and _has_free_end(walls, places, resolution):
+        if length < FURNITURE_M and has_free_end(walls, places, resolution):
             continue
         bend = _bend(places, box, resolution, held)
         reach = (NEAR_WALL_M + bend) / resolution
@@ -197,7 +179,7 @@ def _faults(
         if area >= max(min_hidden, min(HIDDEN_DEPTH_M * length, HIDDEN_M2)):
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
-            closes = length >= SHELVES_M or _meets_walls(
+            closes = length >= SHELVES_M or meets_walls(
                 walls, seen > MAYBE_WALL, places, reach, resolution
             )
             faults.append(WallFault(x, y, length, area, closes))
@@ -284,102 +266,6 @@ def _straight_length(cells: BoolArray) -> float:
     close = along[np.abs(across - np.median(across)) <= STRAIGHT_CELLS]
     # Cells of an oblique line are up to 1.4 apart.
     return 2.0 * len(np.unique(np.floor(close / 2.0)))
-
-
-def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: float) -> bool:
-    """Return whether the map with a wall saw past an end of it: floor, in line with the wall.
-
-    What ends a room or a corridor meets other walls at both ends, and furniture in a corner at one.
-    Where it is seen through a door, what is seen may end just beyond it.
-
-    Parameters
-    ----------
-    walls : probabilities of the map.
-    places : int64, shape (n, 2), row and column of cells of the wall.
-    resolution : edge of a cell [m].
-    """
-    for end in _ends(walls, places, resolution):
-        # The cell between wall and floor may be either.
-        beyond = end.lanes[:, end.last + 1 : end.last + round(FREE_END_M / resolution)]
-        is_floor = (beyond >= 0.0) & (beyond < FLOOR)
-        is_free = (np.count_nonzero(~is_floor, axis=1) <= 1).any()
-        if end.is_near and (is_free or _is_seen_past(beyond[1:])):
-            return True
-    return False
-
-
-class _End(NamedTuple):
-    """An end of a wall.
-
-    Attributes
-    ----------
-    place : row and column, shape (2,).
-    last : steps by which the wall goes on where nothing contradicts it [cells].
-    is_near : whether it ends there, and does not go on further than is looked at.
-    lanes : shape (len(_LANES), n), probabilities on lines behind the wall, n cells beyond where it
-        is contradicted.
-    """
-
-    place: FloatArray
-    last: int
-    is_near: bool
-    lanes: NDArray[np.float32]
-
-
-def _ends(walls: NDArray[np.float32], places: IntArray, resolution: float) -> Iterator[_End]:
-    """Yield both ends of a wall in its own map."""
-    middle, axes = axes_of(places)
-    across, along = ((places - middle) @ axes).T
-    middle = middle + np.median(across) * axes[:, 0]
-    back = directions_behind(walls, places)[0]
-    num_free, most = round(FREE_END_M / resolution), round(MAX_REST_M / resolution)
-    gap = max(1, round(BRIDGED_M / resolution))
-    steps = np.arange(1, most + num_free + gap + 1)
-    for end, ahead in ((along.max(), axes[:, 1]), (-along.min(), -axes[:, 1])):
-        line = middle + (end + steps)[:, None] * ahead
-        before, *lanes = [cells_at(walls, line + shift * back) for shift in (-1.0, *_LANES)]
-        last = 0  # cell of the wall beyond the end
-        for step in np.flatnonzero(np.max((before, *lanes[:2]), axis=0) > WALL).tolist():
-            if step + 1 - last > gap:
-                break
-            last = step + 1
-        yield _End(middle + (end + min(last, most)) * ahead, last, last <= most, np.array(lanes))
-
-
-def _meets_walls(
-    walls: NDArray[np.float32], others: BoolArray, places: IntArray, reach: float, resolution: float
-) -> bool:
-    """Return whether both ends of a wall are near walls of the other part.
-
-    Parameters
-    ----------
-    others : cells of the other part that may be walls.
-    reach : the distance [cells].
-    """
-    return all(_is_near(others, end.place, reach) for end in _ends(walls, places, resolution))
-
-
-def _is_near(cells: BoolArray, place: FloatArray, reach: float) -> bool:
-    """Return whether one of the cells is within a distance of a place [cells]."""
-    lower = np.maximum(np.floor(place - reach).astype(np.int64), 0)
-    upper = np.ceil(place + reach).astype(np.int64) + 1
-    near = np.argwhere(cells[lower[0] : upper[0], lower[1] : upper[1]]) + lower
-    return bool(len(near)) and float(np.hypot(*(near - place).T).min()) <= reach
-
-
-def _is_seen_past(beyond: NDArray[np.float32]) -> bool:
-    """Return whether beams passed an end of a wall at the edge of what is seen, as through a door.
-
-    On all lines behind the wall there is floor beyond its end, if only few beams saw it, and then
-    nothing.
-
-    Parameters
-    ----------
-    beyond : shape (lanes, n), probabilities of the cells beyond the end.
-    """
-    is_free = (beyond >= 0.0) & (beyond < MAYBE_WALL)
-    is_after = np.logical_or.accumulate(~is_free, axis=1)
-    return bool(is_free[:, 0].all() and (~is_after | (beyond < 0.0)).all())
 
 
 def _grown(cells: BoolArray, radius: int) -> BoolArray:
