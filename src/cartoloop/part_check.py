@@ -32,14 +32,8 @@ def part_check(config: Config) -> CheckGeometry:
             join.min_hidden_area,
             held_at(parts),
         )
-        closing = (fault for fault in faults if fault.closes)
-        worst = next(closing, None)
-        if worst is not None and worst.length >= join.max_contradicted_wall:
-            return found._replace(
-                fault=f"a wall of {worst.length:.1f} m at x {worst.x:.1f}, y {worst.y:.1f} "
-                f"contradicts it: the other part saw floor there, and {worst.hidden:.0f} m2 behind "
-                "it"
-            )
+        if fault := wall_fault(faults, join.max_contradicted_wall):
+            return found._replace(fault=fault)
         if strictness == Strictness.MANY_SCORE_HIGH:
             return found
         limit = FLOOR_SHARES[strictness]
@@ -49,6 +43,23 @@ def part_check(config: Config) -> CheckGeometry:
         return found._replace(fault=strict_fault(found, faults, limit, usual))
 
     return check
+
+
+def wall_fault(faults: Sequence[WallFault], least: float) -> str:
+    """Return why parts cannot be joined by a wall that closes a corridor or room, "" if they can.
+
+    Parameters
+    ----------
+    faults : pieces of walls that contradict it, the longest first.
+    least : length from which they forbid it [m].
+    """
+    worst = next((fault for fault in faults if fault.closes), None)
+    if worst is None or worst.length < least:
+        return ""
+    return (
+        f"a wall of {worst.length:.1f} m at x {worst.x:.1f}, y {worst.y:.1f} contradicts it: the "
+        f"other part saw floor there, and {worst.hidden:.0f} m2 behind it"
+    )
 
 
 def _submaps_of(parts: TwoParts, part: int) -> Submaps:
