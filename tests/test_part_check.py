@@ -7,9 +7,8 @@ import pytest
 
 from cartoloop.global_slam.join_evidence import GeometryCheck, Strictness
 from cartoloop.map_output.part_walls import WallFault
-from cartoloop.part_check import FLOOR_SHARES, STRICT_WALLS_M
+from cartoloop.part_check import FLOOR_SHARES, STRICT_WALLS_M, wall_fault
 from cartoloop.part_check import strict_fault as fault_of
-from cartoloop.part_check import wall_fault
 
 
 def checked(length=50.0, on_floor=0.0):
