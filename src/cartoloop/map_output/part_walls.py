@@ -47,8 +47,8 @@ FURNITURE_M = 2.0
 """A shorter wall that stands free at an end may be a piece of furniture [m]."""
 
 SHELVES_M = 3.5
-"""A shorter wall with an end that meets no wall of the other part may be a row of cupboards that was
-moved, as seen through a door [m]."""
+"""A shorter wall with an end that meets no wall of the other part may be a row of cupboards, moved,
+and seen through a door [m]."""
 
 HIDDEN_DEPTH_M, HIDDEN_M2 = 2.0, 8.0
 """A wall behind which the other part saw less than this depth along its length [m], and less than
