@@ -50,6 +50,9 @@ SHELVES_M = 3.5
 """A shorter wall with an end that meets no wall of the other part may be a row of cupboards, moved,
 and seen through a door [m]."""
 
+THROUGH_CELLS = 3.0
+"""A robot that came as close to a wall drove through it [cells]."""
+
 HIDDEN_DEPTH_M, HIDDEN_M2 = 2.0, 8.0
 """A wall behind which the other part saw less than this depth along its length [m], and less than
 this area [m^2], may be a row of shelves: where a corridor or a room goes on, there is more."""
@@ -62,10 +65,12 @@ class Submaps(NamedTuple):
     ----------
     grids : of each.
     poses : float64, shape (m, 3), in the frame of both parts [m, m, rad].
+    path : float64, shape (k, 2), places that the robot drove through, close to each other [m].
     """
 
     grids: Sequence[FinishedGrid]
     poses: FloatArray
+    path: FloatArray = np.zeros((0, 2))
 
 
 class WallFault(NamedTuple):
@@ -77,7 +82,7 @@ class WallFault(NamedTuple):
     length : of the wall [m].
     hidden : area behind it that only the other part knows, and where that has seen walls [m^2].
     closes : whether it closes a corridor or room of both: it meets walls of the other part at both
-        ends, or is longer than furniture.
+        ends, or the robot drove through it there, or it is longer than furniture.
     """
 
     x: float
@@ -103,13 +108,14 @@ def wall_faults(
         parts may be bent.
     min_length, min_hidden : least length of a wall [m], and least area behind it [m^2].
     """
-    box = _common_box(one, other, submaps.resolution)
+    resolution = submaps.resolution
+    box = _common_box(one, other, resolution)
     if box is None:
         return []
     maps = [compose_map(each.grids, each.poses, submaps, box).probability for each in (one, other)]
     faults = [
-        *_faults(maps[0], maps[1], box, submaps.resolution, min_length, min_hidden, held),
-        *_faults(maps[1], maps[0], box, submaps.resolution, min_length, min_hidden, held),
+        *_faults(maps[0], maps[1], other.path, box, resolution, min_length, min_hidden, held),
+        *_faults(maps[1], maps[0], one.path, box, resolution, min_length, min_hidden, held),
     ]
     return sorted(faults, key=lambda fault: (-fault.length, fault.x, fault.y))
 
@@ -142,13 +148,17 @@ def _corners(grid: FinishedGrid) -> FloatArray:
 def _faults(
     walls: NDArray[np.float32],
     seen: NDArray[np.float32],
+    path: FloatArray,
     box: CellBox,
     resolution: float,
     min_length: float,
     min_hidden: float,
     held: FloatArray,
 ) -> list[WallFault]:
-    """Return the walls of a map that another one contradicts; both are of the same cells."""
+    """Return the walls of a map that another one contradicts, on which the robot drove a path.
+
+    Both are of the same cells.
+    """
     from scipy import ndimage  # heavy, and rarely used
 
     floor = (seen >= 0.0) & (seen < FLOOR)
@@ -179,11 +189,23 @@ def _faults(
         if area >= max(min_hidden, min(HIDDEN_DEPTH_M * length, HIDDEN_M2)):
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
-            closes = length >= SHELVES_M or meets_walls(
-                walls, seen > MAYBE_WALL, places, reach, resolution
+            closes = (
+                length >= SHELVES_M
+                or _is_driven_through(places, path / resolution - (box.first_col, box.first_row))
+                or meets_walls(walls, seen > MAYBE_WALL, places, reach, resolution)
             )
             faults.append(WallFault(x, y, length, area, closes))
     return faults
+
+
+def _is_driven_through(places: IntArray, path: FloatArray) -> bool:
+    """Return whether a path, shape (k, 2), column and row [cells], leads through a wall."""
+    from scipy.spatial import cKDTree
+
+    if len(path) == 0:
+        return False
+    apart, _ = cKDTree(path[:, ::-1]).query(places)
+    return bool(apart.min() <= THROUGH_CELLS)
 
 
 def _clear_near(cells: BoolArray, walls: BoolArray, distance: float) -> None:

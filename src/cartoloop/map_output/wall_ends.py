@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.map_output.wall_axes import (
-    FLOOR,
-    MAYBE_WALL,
-    WALL,
-    axes_of,
-    cells_at,
-    directions_behind,
-)
+from cartoloop.map_output.wall_axes import FLOOR, WALL, axes_of, cells_at, directions_behind
 
 BRIDGED_M = 0.15
 """Pieces of wall closer than this belong together [m]."""
@@ -36,7 +29,6 @@ def has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: float
     """Return whether the map with a wall saw past an end of it: floor, in line with the wall.
 
     What ends a room or a corridor meets other walls at both ends, and furniture in a corner at one.
-    Where it is seen through a door, what is seen may end just beyond it.
 
     Parameters
     ----------
@@ -48,8 +40,7 @@ def has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: float
         # The cell between wall and floor may be either.
         beyond = end.lanes[:, end.last + 1 : end.last + round(FREE_END_M / resolution)]
         is_floor = (beyond >= 0.0) & (beyond < FLOOR)
-        is_free = (np.count_nonzero(~is_floor, axis=1) <= 1).any()
-        if end.is_near and (is_free or _is_seen_past(beyond[1:])):
+        if end.is_near and (np.count_nonzero(~is_floor, axis=1) <= 1).any():
             return True
     return False
 
@@ -111,18 +102,3 @@ def _is_near(cells: BoolArray, place: FloatArray, reach: float) -> bool:
     upper = np.ceil(place + reach).astype(np.int64) + 1
     near = np.argwhere(cells[lower[0] : upper[0], lower[1] : upper[1]]) + lower
     return bool(len(near)) and float(np.hypot(*(near - place).T).min()) <= reach
-
-
-def _is_seen_past(beyond: NDArray[np.float32]) -> bool:
-    """Return whether beams passed an end of a wall at the edge of what is seen, as through a door.
-
-    On all lines behind the wall there is floor beyond its end, if only few beams saw it, and then
-    nothing.
-
-    Parameters
-    ----------
-    beyond : shape (lanes, n), probabilities of the cells beyond the end.
-    """
-    is_free = (beyond >= 0.0) & (beyond < MAYBE_WALL)
-    is_after = np.logical_or.accumulate(~is_free, axis=1)
-    return bool(is_free[:, 0].all() and (~is_after | (beyond < 0.0)).all())
