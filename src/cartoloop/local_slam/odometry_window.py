@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from cartoloop.local_slam.moving_gain import ALL_BY_REST, Explained
-from cartoloop.sensor.pose import IDENTITY, Pose, quick_pose, relative
+from cartoloop.sensor.pose import IDENTITY, Pose, quick_pose
 
 WINDOW_S, MIN_STEPS = 1.0, 5
 """Least time [s] and number of steps that are compared together: errors of single matches and of
@@ -105,13 +105,16 @@ def _difference(one: Pose, other: Pose) -> Pose:
 
 
 def step_between(
-    last: tuple[float, Pose], now: tuple[float, Pose], reported: Pose, evidence: Evidence | None
+    last: tuple[float, Pose],
+    end: float,
+    matched: Pose,
+    reported: Pose,
+    evidence: Evidence | None,
 ) -> Step:
     """Return a step of scans and odometry, rotated into the local frame, as far as it counts."""
-    (begin, before), (end, after) = last, now
+    begin, before = last
     if evidence is None:
         return Step(begin, end, IDENTITY, IDENTITY)
-    matched = relative(before, after)
     # Along the mean heading of the scans, so that a wrong turn is no wrong distance.
     heading = before.theta + 0.5 * (matched.theta - reported.theta)
     return Step(
