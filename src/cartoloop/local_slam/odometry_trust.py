@@ -263,11 +263,13 @@ class OdometryTrust:
 
 def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
     """Return the difference and the larger of two motions: translation, then rotation."""
+    x, y, theta = matched
+    other_x, other_y, other_theta = odometry
     return (
-        math.hypot(matched.x - odometry.x, matched.y - odometry.y),
-        max(math.hypot(matched.x, matched.y), math.hypot(odometry.x, odometry.y)),
-        abs(matched.theta - odometry.theta),
-        max(abs(matched.theta), abs(odometry.theta)),
+        math.hypot(x - other_x, y - other_y),
+        max(math.hypot(x, y), math.hypot(other_x, other_y)),
+        abs(theta - other_theta),
+        max(abs(theta), abs(other_theta)),
     )
 
 

@@ -139,4 +139,5 @@ def _counted(motion: Pose, heading: float, evidence: Evidence) -> Pose:
 
 def size_of(motion: Pose) -> float:
     """Return the size of a step: distance, and the way of a point a metre away."""
-    return math.hypot(motion.x, motion.y) + abs(motion.theta)
+    x, y, theta = motion
+    return math.hypot(x, y) + abs(theta)
