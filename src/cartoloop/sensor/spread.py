@@ -23,4 +23,4 @@ def show_little(points: FloatArray) -> bool:
         return True
     x, y = np.add.reduce(points).tolist()
     spread = float(np.vdot(points, points)) - (x * x + y * y) / len(points)
-    return spread < LITTLE_SPREAD_M2
+    return bool(spread < LITTLE_SPREAD_M2)
