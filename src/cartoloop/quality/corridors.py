@@ -16,6 +16,7 @@ from cartoloop.quality.odometry_use import has_odometry, num_slips, untrusted_od
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import stamps_of
 from cartoloop.sensor.free_standing import are_free_standing
+from cartoloop.sensor.median import median
 from cartoloop.sensor.pose import Pose, compose, inverse, relative, relative_all
 from cartoloop.sensor.wall_normals import CORRIDOR_RATIO, chord_ratio, normal_ratio
 
@@ -106,9 +107,7 @@ def corridors(
         by_chord = np.array([chord_ratio(each, max_range) for each in points])
         ratios = np.minimum(ratios, CHORD_FACTOR * by_chord)
     half = SMOOTHED_OVER // 2
-    smooth = np.array(
-        [np.median(ratios[max(i - half, 0) : i + half + 1]) for i in range(len(ratios))]
-    )
+    smooth = np.array([median(ratios[max(i - half, 0) : i + half + 1]) for i in range(len(ratios))])
     is_corridor = smooth < CORRIDOR_RATIO
     gains = np.full(len(nodes), np.nan)
     for row in np.flatnonzero(is_corridor & alone & (nodes + 1 < count)).tolist():
