@@ -187,6 +187,7 @@ def test_kernels_that_cannot_be_saved_still_run(tmp_path, monkeypatch):
         return 2 * number
 
     monkeypatch.setattr(_jit, "kernel_cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(_jit._config, "CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(twice, "_cache", _jit._KernelCache(twice.py_func))
     monkeypatch.setattr(twice._cache, "_cache_file", Full())
     assert twice(3) == 6

@@ -7,7 +7,7 @@ import pytest
 
 from cartoloop.global_slam.join_evidence import GeometryCheck, Strictness
 from cartoloop.map_output.part_walls import WallFault
-from cartoloop.part_check import FLOOR_SHARES, STRICT_WALLS_M
+from cartoloop.part_check import FLOOR_SHARES, STRICT_WALLS_M, wall_fault
 from cartoloop.part_check import strict_fault as fault_of
 
 
@@ -55,3 +55,15 @@ def test_less_floor_passes_where_few_scans_are_distinct():
     assert strict_fault(checked(on_floor=0.02), [], 0.0, strictness) == ""
     assert strict_fault(checked(on_floor=0.05), [], 0.05, strictness) == ""
     assert strict_fault(checked(on_floor=0.05), [], 0.01, strictness) != ""
+
+
+def test_a_wall_that_closes_a_corridor_forbids_a_join():
+    assert wall_fault(walls(0.9), 1.2) == ""
+    assert "a wall of 1.5 m at x 1.0, y 2.0" in wall_fault(walls(1.5, 0.4), 1.2)
+
+
+def test_furniture_that_was_moved_forbids_none():
+    wardrobe = WallFault(3.0, 4.0, 1.8, 12.0, closes=False)
+
+    assert wall_fault([wardrobe, *walls(0.9)], 1.2) == ""
+    assert "a wall of 1.5 m" in wall_fault([wardrobe, *walls(1.5)], 1.2)

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import sys
 import tempfile
 import threading
@@ -187,8 +188,21 @@ def _locks(folder: Path) -> KernelLocks:
     return KernelLocks(folder)
 
 
+class _Folder(caching.UserProvidedCacheLocator):
+    """The folder of the kernels of one module."""
+
+    def ensure_cache_path(self) -> None:
+        """Raise an OSError if the folder cannot be written; Numba would write a file each time."""
+        path = Path(cast(Any, self).get_cache_path())
+        path.mkdir(parents=True, exist_ok=True)
+        if not os.access(path, os.W_OK):
+            raise PermissionError(f"{path}: cannot be written")
+
+
 class _CompiledKernels(caching.CompileResultCacheImpl):
     """Makes kernels from the contents of cache files."""
+
+    _locator_classes: list[Any] = [_Folder]  # noqa: RUF012 - as Numba declares it
 
     def rebuild(self, target_context: object, payload: Sequence[Any]) -> object:
         """Return the kernel; its intermediate code is parsed when another kernel inlines it."""

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness, TwoParts
 from cartoloop.global_slam.part_drift import held_at
@@ -32,13 +35,8 @@ def part_check(config: Config) -> CheckGeometry:
             join.min_hidden_area,
             held_at(parts),
         )
-        if faults and faults[0].length >= join.max_contradicted_wall:
-            worst = faults[0]
-            return found._replace(
-                fault=f"a wall of {worst.length:.1f} m at x {worst.x:.1f}, y {worst.y:.1f} "
-                f"contradicts it: the other part saw floor there, and {worst.hidden:.0f} m2 behind "
-                "it"
-            )
+        if fault := wall_fault(faults, join.max_contradicted_wall):
+            return found._replace(fault=fault)
         if strictness == Strictness.MANY_SCORE_HIGH:
             return found
         limit = FLOOR_SHARES[strictness]
@@ -50,10 +48,37 @@ def part_check(config: Config) -> CheckGeometry:
     return check
 
 
+def wall_fault(faults: Sequence[WallFault], least: float) -> str:
+    """Return why parts cannot be joined by a wall that closes a corridor or room, "" if they can.
+
+    Parameters
+    ----------
+    faults : pieces of walls that contradict it, the longest first.
+    least : length from which they forbid it [m].
+    """
+    worst = next((fault for fault in faults if fault.closes), None)
+    if worst is None or worst.length < least:
+        return ""
+    return (
+        f"a wall of {worst.length:.1f} m at x {worst.x:.1f}, y {worst.y:.1f} contradicts it: the "
+        f"other part saw floor there, and {worst.hidden:.0f} m2 behind it"
+    )
+
+
 def _submaps_of(parts: TwoParts, part: int) -> Submaps:
     chosen = parts.submaps_of(part)
     grids = [parts.submaps[submap].grid for submap in chosen.tolist()]
-    return Submaps(grids, parts.graph.submap_poses[chosen])
+    return Submaps(grids, parts.graph.submap_poses[chosen], _path_of(parts, part))
+
+
+def _path_of(parts: TwoParts, part: int) -> FloatArray:
+    """Return places that the robot drove through, 0.2 m apart at most, shape (k, 2) [m]."""
+    nodes = parts.graph.node_poses[parts.nodes_of(part), :2]
+    steps = np.diff(nodes, axis=0)
+    is_driven = np.hypot(steps[:, 0], steps[:, 1]) < MAX_STEP_M
+    begins, steps = nodes[:-1][is_driven], steps[is_driven]
+    shares = np.linspace(0.0, 1.0, round(MAX_STEP_M / 0.2), endpoint=False)[1:]
+    return np.concatenate((nodes, *(begins + share * steps for share in shares)))
 
 
 def strict_fault(
@@ -80,6 +105,9 @@ def strict_fault(
         )
     return ""
 
+
+MAX_STEP_M = 2.0
+"""Nodes further apart are not on one path [m]."""
 
 MIN_PIECE_M = 0.3
 """Shorter pieces of wall say nothing [m]."""

@@ -14,11 +14,12 @@ import pytest
 import typer
 
 from cartoloop.cli import completion
-from cartoloop.cli.main import app, run
+from cartoloop.cli.main import run
+from cartoloop.cli.program import make_program
 from cartoloop.simulation import LIDARS, WORLDS
 
 FOLDER = Path(__file__).parents[2]
-ROOT = typer.main.get_command(app)
+ROOT = typer.main.get_command(make_program())
 
 
 def commands(group=ROOT, path=()):

@@ -8,6 +8,7 @@ import pytest
 
 from cartoloop.config import JoinConfig, SubmapConfig
 from cartoloop.map_output.part_walls import Submaps, wall_faults
+from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 UNSEEN, FLOOR, WALL = 0, 1, 255
@@ -43,6 +44,7 @@ def test_corridor_that_goes_on_contradicts_its_end():
         assert fault.x == pytest.approx(5.0, abs=0.2)
         assert fault.length > 1.2
         assert fault.hidden > 5.0
+        assert fault.closes
 
 
 @pytest.mark.parametrize(("x", "is_fault"), [(3.0, True), (-25.0, False)])
@@ -192,22 +194,25 @@ def test_wall_that_nobody_saw_past_contradicts(turn):
     blocked = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], poses)
     (fault,) = wall_faults(blocked, Submaps(hall().grids, poses), SUBMAPS, *LIMITS)
     assert fault.length == pytest.approx(1.5, abs=0.2)
-
-
-@pytest.mark.parametrize(("beyond", "num_faults"), [(FLOOR, 0), (UNSEEN, 1)])
-def test_cupboard_at_the_edge_of_what_is_seen(beyond, num_faults):
-    # Through a door one sees 0.15 m past its upper end, or not.
-    cells = hall((40, 70, HALL)).grids[0].cells.copy()
-    cells[:37, 50:] = cells[70:, 50:] = UNSEEN
-    cells[37:40, 50:] = beyond
-    seen_through_door = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], np.zeros((1, 3)))
-    assert len(wall_faults(seen_through_door, hall(), SUBMAPS, *LIMITS)) == num_faults
+    assert not fault.closes
+    # Where a robot drove, furniture is hardly ever put.
+    through = np.column_stack((np.linspace(1.0, 4.0, 16), np.full(16, 2.7)))
+    driven = Submaps(hall().grids, poses, transform_points(Pose(*poses[0].tolist()), through))
+    (fault,) = wall_faults(blocked, driven, SUBMAPS, *LIMITS)
+    assert fault.closes
 
 
 def test_wall_of_more_than_furniture_contradicts():
     # 2.5 m: one sees past it, as past the corner of a corridor.
     (fault,) = wall_faults(hall((40, 90, HALL)), hall(), SUBMAPS, *LIMITS)
     assert fault.length == pytest.approx(2.5, abs=0.2)
+
+
+@pytest.mark.parametrize(("last", "closes"), [(90, False), (116, True)])
+def test_only_long_walls_close_what_they_do_not_span(last, closes):
+    # 2.5 and 3.8 m, in the middle of a hall.
+    (fault,) = wall_faults(hall((40, last, HALL)), hall(), SUBMAPS, *LIMITS)
+    assert fault.closes is closes
 
 
 def test_wall_that_goes_on_is_no_furniture():

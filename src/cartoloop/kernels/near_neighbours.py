@@ -10,6 +10,8 @@ import numpy as np
 from cartoloop._jit import kernel
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 
+_MOST = np.iinfo(np.int64).max
+
 
 @kernel
 def have_near_neighbour(
@@ -106,7 +108,7 @@ def hide_blocked(
     most : beams with no more are blocked.
     out_ranges : float64, shape (n,) [m].
     """
-    least = np.iinfo(np.int64).max
+    least = _MOST
     for k in range(ranges.shape[0]):
         least = min(least, counts[k])
         is_hidden = counts[k] <= most and not _is_within(ranges[k], min_range, end_range)

@@ -36,13 +36,24 @@ class SeenScan:
 
     scan: LaserScan
 
+    @property
+    def is_return(self) -> BoolArray:
+        """Which ranges are returns, shape (n,)."""
+        scan = self.scan
+        is_return: BoolArray = (scan.ranges > 0.0) & (scan.ranges < scan.geometry.range_max)
+        return is_return
+
     @cached_property
     def is_comparable(self) -> BoolArray:
         """Which ranges are returns, and not of narrow objects that stand free, shape (n,)."""
-        scan = self.scan
-        is_return: BoolArray = (scan.ranges > 0.0) & (scan.ranges < scan.geometry.range_max)
-        is_return[is_return] = ~are_free_standing(_points(scan, is_return))
-        return is_return
+        chosen = self.is_return
+        chosen[chosen] = ~are_free_standing(_points(self.scan, chosen))
+        return chosen
+
+    def differs(self, other: SeenScan, noise: Noise) -> bool:
+        """Return whether any return has changed; mostly none has, where a robot rests."""
+        chosen = self.is_return & other.is_return
+        return bool(have_changed(self.scan.ranges[chosen], other.scan.ranges[chosen], noise).any())
 
 
 def have_changed(before: FloatArray, now: FloatArray, noise: Noise) -> BoolArray:

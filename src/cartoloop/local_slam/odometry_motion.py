@@ -14,13 +14,12 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import PredictionConfig
 from cartoloop.local_slam.measured_distance import MeasuredDistance
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration
-from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_parameters import OdometryParameters, step_information
 from cartoloop.local_slam.odometry_pauses import OdometryPauses
 from cartoloop.local_slam.odometry_rest import OdometryRest
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTrack
 from cartoloop.local_slam.odometry_trust import OdometryFault, OdometryTrust, differ, follows
 from cartoloop.local_slam.odometry_window import Evidence
-from cartoloop.local_slam.prediction import isotropic_information
 from cartoloop.local_slam.turn_comparison import TurnsByScanner
 from cartoloop.sensor.pose import IDENTITY, Pose, relative
 
@@ -72,6 +71,7 @@ class OdometryMotion:
         self._trust = OdometryTrust(score)
         self._turns = TurnsByScanner(were_opposite=is_mirrored)
         self._pauses = OdometryPauses()
+        self._information: tuple[OdometryParameters, FloatArray] | None = None
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
         self._is_stale = self._misses_motion = False
@@ -288,20 +288,11 @@ class OdometryMotion:
         self._is_stale = False
 
     def information(self, config: PredictionConfig) -> FloatArray:
-        """Return the information of a step, upper triangle, shape (6,)."""
+        """Return the information of a step, upper triangle, shape (6,); not to be changed."""
         model = self.model
-        translation = config.unknown_translation_sigma
-        if model.is_known:
-            translation = max(
-                config.translation_error_factor * model.translation_error,
-                config.min_translation_sigma,
-            )
-        rotation = config.unknown_rotation_sigma
-        if model.knows_rotation:
-            rotation = max(
-                config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma
-            )
-        return isotropic_information(translation, rotation)
+        if self._information is None or self._information[0] is not model:
+            self._information = model, step_information(model, config)
+        return self._information[1]
 
     def step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion between two times, None if it is not known or trusted."""

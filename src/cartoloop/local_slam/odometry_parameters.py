@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.config import PredictionConfig
 from cartoloop.local_slam.odometry_veer import NO_VEER, Veer
-from cartoloop.sensor.pose import Pose
+from cartoloop.local_slam.prediction import isotropic_information
+from cartoloop.sensor.pose import Pose, quick_pose
 
 _COUNTS = ("num_turns", "num_stretches", "num_metres")
 
@@ -123,15 +125,18 @@ class OdometryParameters:
         reported : the motion.
         heading : of the odometry at its begin [rad].
         """
-        reported = self.veer.corrected(reported, heading)
-        theta = self.rotation_scale * reported.theta
+        x, y, turned = self.veer.corrected(reported, heading)
+        theta = self.rotation_scale * turned
         cos, sin = math.cos(theta) - 1.0, math.sin(theta)
         along = self.translation_scale * math.cos(self.yaw)
         across = self.translation_scale * math.sin(self.yaw)
-        return Pose(
-            along * reported.x - across * reported.y + cos * self.lever_x - sin * self.lever_y,
-            across * reported.x + along * reported.y + sin * self.lever_x + cos * self.lever_y,
-            theta,
+        lever_x, lever_y = self.lever_x, self.lever_y
+        return quick_pose(
+            (
+                along * x - across * y + cos * lever_x - sin * lever_y,
+                across * x + along * y + sin * lever_x + cos * lever_y,
+                theta,
+            )
         )
 
     def predict_all(self, reported: FloatArray, headings: FloatArray) -> FloatArray:
@@ -154,3 +159,19 @@ class OdometryParameters:
                 theta,
             )
         )
+
+
+def step_information(model: OdometryParameters, config: PredictionConfig) -> FloatArray:
+    """Return the information of a step by odometry, upper triangle, shape (6,)."""
+    translation = config.unknown_translation_sigma
+    if model.is_known:
+        translation = max(
+            config.translation_error_factor * model.translation_error,
+            config.min_translation_sigma,
+        )
+    rotation = config.unknown_rotation_sigma
+    if model.knows_rotation:
+        rotation = max(
+            config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma
+        )
+    return isotropic_information(translation, rotation)

@@ -13,7 +13,7 @@ from array import array
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import Pose, quick_pose
 
 LATEST_S = 10.0
 """Time for which all latest readings are kept [s]: whether one is a jump, or repeats another, is
@@ -65,7 +65,7 @@ class OdometryReadings:
         """Return the pose of a reading, counted from the end if `row` is negative."""
         first = 3 * (row if row >= 0 else len(self.times) + row)
         numbers = self._poses
-        return Pose(numbers[first], numbers[first + 1], numbers[first + 2])
+        return quick_pose((numbers[first], numbers[first + 1], numbers[first + 2]))
 
     def append(self, time: float, pose: Pose) -> None:
         """Add a reading that is newer than all others."""

@@ -156,13 +156,13 @@ class OdometryTrust:
         window = self._windows.get(scanner)
         if window is None:
             window = self._windows[scanner] = StepWindow()
+        matched = relative(last[1], tf_local_tracking)
         if reported is None or time <= last[0]:
             window.clear()
         else:
-            window.add(step_between(last, (time, tf_local_tracking), reported, evidence))
+            window.add(step_between(last, time, matched, reported, evidence))
         num_faulty = self._compare(window, time, evidence, is_late, is_calibrated)
         if reported is not None and expected is not None:
-            matched = relative(last[1], tf_local_tracking)
             self._judge(last[0], matched, reported, expected, evidence)
         # Unsteady steps are still used for the calibration: another clock offset may explain them.
         return num_faulty
@@ -263,11 +263,13 @@ class OdometryTrust:
 
 def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
     """Return the difference and the larger of two motions: translation, then rotation."""
+    x, y, theta = matched
+    other_x, other_y, other_theta = odometry
     return (
-        math.hypot(matched.x - odometry.x, matched.y - odometry.y),
-        max(math.hypot(matched.x, matched.y), math.hypot(odometry.x, odometry.y)),
-        abs(matched.theta - odometry.theta),
-        max(abs(matched.theta), abs(odometry.theta)),
+        math.hypot(x - other_x, y - other_y),
+        max(math.hypot(x, y), math.hypot(other_x, other_y)),
+        abs(theta - other_theta),
+        max(abs(theta), abs(other_theta)),
     )
 
 

@@ -26,7 +26,7 @@ from cartoloop.local_slam.clock_offset import (
 )
 from cartoloop.local_slam.matched_scans import MatchedScans
 from cartoloop.local_slam.odometry_readings import are_measured
-from cartoloop.sensor.pose import Pose, relative_all
+from cartoloop.sensor.pose import Pose, quick_pose, relative_all
 
 STRETCH_M = 1.0
 """Path over which turns are compared [m]: on a single step, the error of the match is larger."""
@@ -70,13 +70,13 @@ class Veer(NamedTuple):
         reported : motion of the odometry. Backwards, veer turns the other way.
         heading : reported at its begin [rad].
         """
-        middle = heading + 0.5 * reported.theta
-        rate = self.constant + self.cos * math.cos(middle) + self.sin * math.sin(middle)
-        turn = rate * reported.x
+        x, y, theta = reported
+        constant, by_cos, by_sin = self
+        middle = heading + 0.5 * theta
+        rate = constant + by_cos * math.cos(middle) + by_sin * math.sin(middle)
+        turn = rate * x
         half = 0.5 * turn
-        return Pose(
-            reported.x - half * reported.y, reported.y + half * reported.x, reported.theta + turn
-        )
+        return quick_pose((x - half * y, y + half * x, theta + turn))
 
     def corrected_all(self, reported: FloatArray, headings: FloatArray) -> FloatArray:
         """Return :meth:`corrected` of each row, shape (n, 3), equal to the last bit."""

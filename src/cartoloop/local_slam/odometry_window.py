@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from cartoloop.local_slam.moving_gain import ALL_BY_REST, Explained
-from cartoloop.sensor.pose import IDENTITY, Pose, relative
+from cartoloop.sensor.pose import IDENTITY, Pose, quick_pose
 
 WINDOW_S, MIN_STEPS = 1.0, 5
 """Least time [s] and number of steps that are compared together: errors of single matches and of
@@ -94,24 +94,27 @@ def _sum(one: Pose, other: Pose) -> Pose:
     """Return the sum of two motions, number by number."""
     x, y, theta = one
     more_x, more_y, more_theta = other
-    return Pose(x + more_x, y + more_y, theta + more_theta)
+    return quick_pose((x + more_x, y + more_y, theta + more_theta))
 
 
 def _difference(one: Pose, other: Pose) -> Pose:
     """Return the difference of two motions, number by number."""
     x, y, theta = one
     less_x, less_y, less_theta = other
-    return Pose(x - less_x, y - less_y, theta - less_theta)
+    return quick_pose((x - less_x, y - less_y, theta - less_theta))
 
 
 def step_between(
-    last: tuple[float, Pose], now: tuple[float, Pose], reported: Pose, evidence: Evidence | None
+    last: tuple[float, Pose],
+    end: float,
+    matched: Pose,
+    reported: Pose,
+    evidence: Evidence | None,
 ) -> Step:
     """Return a step of scans and odometry, rotated into the local frame, as far as it counts."""
-    (begin, before), (end, after) = last, now
+    begin, before = last
     if evidence is None:
         return Step(begin, end, IDENTITY, IDENTITY)
-    matched = relative(before, after)
     # Along the mean heading of the scans, so that a wrong turn is no wrong distance.
     heading = before.theta + 0.5 * (matched.theta - reported.theta)
     return Step(
@@ -131,9 +134,10 @@ def _counted(motion: Pose, heading: float, evidence: Evidence) -> Pose:
         across_x, across_y = -math.sin(evidence.direction), math.cos(evidence.direction)
         length = across_x * x + across_y * y
         x, y = length * across_x, length * across_y
-    return Pose(x, y, theta)
+    return quick_pose((x, y, theta))
 
 
 def size_of(motion: Pose) -> float:
     """Return the size of a step: distance, and the way of a point a metre away."""
-    return math.hypot(motion.x, motion.y) + abs(motion.theta)
+    x, y, theta = motion
+    return math.hypot(x, y) + abs(theta)

@@ -112,10 +112,12 @@ class PredictionRecord:
 
 
 def _size(motion: Pose) -> float:
-    return math.hypot(motion.x, motion.y) + LEVER_M * abs(motion.theta)
+    x, y, theta = motion
+    return math.hypot(x, y) + LEVER_M * abs(theta)
 
 
 def _apart(one: Pose, other: Pose) -> float:
-    return math.hypot(one.x - other.x, one.y - other.y) + LEVER_M * abs(
-        math.remainder(one.theta - other.theta, math.tau)
-    )
+    x, y, theta = one
+    other_x, other_y, other_theta = other
+    turned = math.remainder(theta - other_theta, math.tau)
+    return math.hypot(x - other_x, y - other_y) + LEVER_M * abs(turned)

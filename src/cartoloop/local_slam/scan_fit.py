@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import (
@@ -66,7 +65,7 @@ class MatcherSettings:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class ScanFit:
     """A scan, the submap that it is matched to, and its motion prior.
 
@@ -77,6 +76,7 @@ class ScanFit:
     points : float64, shape (n, 2), tracking frame [m]; n > 0.
     prediction : motion prior.
     typical_residual : of matches.
+    prior : the predicted pose, tf_submap_scan.
     """
 
     settings: MatcherSettings
@@ -84,11 +84,10 @@ class ScanFit:
     points: FloatArray
     prediction: Prediction
     typical_residual: float
+    prior: Pose = field(init=False)
 
-    @cached_property
-    def prior(self) -> Pose:
-        """The predicted pose, tf_submap_scan."""
-        return self.in_submap(self.prediction.tf_local_tracking)
+    def __post_init__(self) -> None:
+        self.prior = self.in_submap(self.prediction.tf_local_tracking)
 
     def in_submap(self, tf_local_tracking: Pose) -> Pose:
         """Return tf_submap_scan of a pose in the local frame."""

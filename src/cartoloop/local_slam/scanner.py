@@ -75,6 +75,9 @@ class Scanner:
 
     def changed_share_since(self, time: float) -> float:
         """Return the share of the ranges that have changed since a time; 0 if it is not known."""
+        first = self._first_since(time)
+        if first is None or not first.differs(self.recent[-1], self.noise):
+            return 0.0
         before, now = self._ranges_since(time)
         if not before.size:
             return 0.0

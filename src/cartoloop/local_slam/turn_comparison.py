@@ -30,20 +30,25 @@ class TurnComparison:
         self._matched = self._reported = 0.0
         self._product = self._square = self._total = 0.0
 
-    def add(self, matched: float, reported: float | None) -> None:
-        """Add the headings of a scan, as matched and by the odometry, None if unknown [rad]."""
+    def add(self, matched: float, reported: float | None) -> bool:
+        """Add the headings of a scan, as matched and by the odometry, None if unknown [rad].
+
+        Returns whether a turn was compared.
+        """
         if reported is None:
             self._last, self._matched, self._reported = None, 0.0, 0.0
-            return
+            return False
         if self._last is not None:
             self._matched += wrap_angle(matched - self._last[0])
             self._reported += wrap_angle(reported - self._last[1])
         self._last = matched, reported
-        if abs(self._matched) >= MIN_TURN_RAD:
-            self._product += self._matched * self._reported
-            self._square += self._matched**2
-            self._total += abs(self._matched)
-            self._matched = self._reported = 0.0
+        if abs(self._matched) < MIN_TURN_RAD:
+            return False
+        self._product += self._matched * self._reported
+        self._square += self._matched**2
+        self._total += abs(self._matched)
+        self._matched = self._reported = 0.0
+        return True
 
     @property
     def are_opposite(self) -> bool:
@@ -74,8 +79,10 @@ class TurnsByScanner:
 
     def add(self, scanner: str, matched: float, reported: float | None) -> None:
         """Add the headings of a scan, see :meth:`TurnComparison.add`."""
-        self._scanners.setdefault(scanner, TurnComparison()).add(matched, reported)
-        if self.ratio is not None:
+        turns = self._scanners.get(scanner)
+        if turns is None:
+            turns = self._scanners[scanner] = TurnComparison()
+        if turns.add(matched, reported) and self.ratio is not None:
             self.are_opposite = any(turns.are_opposite for turns in self._scanners.values())
 
     @property

@@ -17,22 +17,25 @@ _SHORTEST_STEP_S = 1e-12
 class _Rate:
     """The variance of one component of the velocity: a random walk measured with noise."""
 
+    acceleration: float
+    noise: float
     variance: float = math.inf
 
-    def gain(self, acceleration: float, noise: float, duration: float) -> float:
+    def gain(self, duration: float) -> float:
         """Return the Kalman gain of a new measurement, and update the variance."""
-        drift = (acceleration * duration) ** 2
-        measured = 2.0 * (noise / duration) ** 2
+        drift = (self.acceleration * duration) ** 2
+        measured = 2.0 * (self.noise / duration) ** 2
         predicted = self.variance + drift
         gain = 1.0 if math.isinf(predicted) else predicted / (predicted + measured)
         self.variance = measured if math.isinf(predicted) else (1.0 - gain) * predicted
         return gain
 
-    def sigma(self, acceleration: float, noise: float, ahead: float) -> float:
+    def sigma(self, ahead: float) -> float:
         """Return the standard deviation of the position after a time `ahead` [s]."""
         if math.isinf(self.variance):
             return math.inf
-        return math.sqrt((self.variance + (acceleration * ahead) ** 2) * ahead**2 + noise**2)
+        variance = self.variance + (self.acceleration * ahead) ** 2
+        return math.sqrt(variance * ahead**2 + self.noise**2)
 
 
 class VelocityFilter:
@@ -45,25 +48,22 @@ class VelocityFilter:
     """
 
     def __init__(self, config: PredictionConfig) -> None:
-        self._config = config
+        self._horizon = config.velocity_horizon
         self._velocity = IDENTITY
-        self._linear = _Rate()
-        self._angular = _Rate()
+        self._linear = _Rate(config.acceleration, config.matched_translation_sigma)
+        self._angular = _Rate(config.angular_acceleration, config.matched_rotation_sigma)
 
     def update(self, step: Pose, duration: float) -> None:
         """Add a step between two scans, in the frame of the first, and its duration [s]."""
         if duration < _SHORTEST_STEP_S:
             return
-        config = self._config
-        linear = self._linear.gain(config.acceleration, config.matched_translation_sigma, duration)
-        angular = self._angular.gain(
-            config.angular_acceleration, config.matched_rotation_sigma, duration
-        )
+        linear, angular = self._linear.gain(duration), self._angular.gain(duration)
         x, y, theta = self._velocity
+        moved_x, moved_y, turned = step
         self._velocity = Pose(
-            x + linear * (step.x / duration - x),
-            y + linear * (step.y / duration - y),
-            theta + angular * (step.theta / duration - theta),
+            x + linear * (moved_x / duration - x),
+            y + linear * (moved_y / duration - y),
+            theta + angular * (turned / duration - theta),
         )
 
     def resume(self, x: float, y: float) -> None:
@@ -72,16 +72,10 @@ class VelocityFilter:
 
     def step(self, duration: float) -> Pose:
         """Return the step in a time [s] at constant velocity, then at rest."""
-        ahead = min(duration, self._config.velocity_horizon)
+        ahead = min(duration, self._horizon)
         x, y, theta = self._velocity
         return Pose(ahead * x, ahead * y, ahead * theta)
 
     def sigmas(self, duration: float) -> tuple[float, float]:
         """Return the standard deviations of that step [m], [rad]; inf before two scans."""
-        config = self._config
-        return (
-            self._linear.sigma(config.acceleration, config.matched_translation_sigma, duration),
-            self._angular.sigma(
-                config.angular_acceleration, config.matched_rotation_sigma, duration
-            ),
-        )
+        return self._linear.sigma(duration), self._angular.sigma(duration)

@@ -2,10 +2,10 @@
 """Walls of one part of a map through which another part saw: what forbids that they are joined.
 
 Furniture that was moved and doors that were opened leave walls where another session sees floor.
-They are short, or what they hide is small for their length, or one sees past an end of them. Beams
-that pass through a window return from nowhere: no walls are seen behind it. The end of a corridor
-that leads on for metres in another session is neither: the two sessions are of different places
-that look alike.
+They are short, or what they hide is small for their length, or one sees past an end of them, or an
+end meets no wall that was there before. Beams that pass through a window return from nowhere: no
+walls are seen behind it. The end of a corridor that leads on for metres in another session is none
+of these: the two sessions are of different places that look alike.
 """
 
 from __future__ import annotations
@@ -21,14 +21,8 @@ from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import SubmapConfig
 from cartoloop.map_output.hidden_floor import HiddenFloor, area_behind, hidden_floor
 from cartoloop.map_output.occupancy_map import CellBox, compose_map
-from cartoloop.map_output.wall_axes import (
-    FLOOR,
-    MAYBE_WALL,
-    WALL,
-    axes_of,
-    cells_at,
-    directions_behind,
-)
+from cartoloop.map_output.wall_axes import FLOOR, MAYBE_WALL, WALL, axes_of
+from cartoloop.map_output.wall_ends import BRIDGED_M, has_free_end, meets_walls
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -46,27 +40,22 @@ with an accuracy of a cell."""
 PARALLEL, OBLIQUE = (-0.1, 0.0, 0.1), (-0.5, -0.4, -0.3, -0.2, 0.2, 0.3, 0.4, 0.5)
 """Slopes of this line to the wall, and those with which an oblique wall lies beside more of it."""
 
-BRIDGED_M = 0.15
-"""Pieces of wall closer than this belong together [m]."""
-
-_LANES = np.arange(4.0)
-"""Lines along a wall on which one looks past its end, by their distance behind it [cells]."""
-
 STRAIGHT_CELLS = 1.5
 """Cells of a wall lie as close as this to its axis."""
 
 FURNITURE_M = 2.0
 """A shorter wall that stands free at an end may be a piece of furniture [m]."""
 
+SHELVES_M = 3.5
+"""A shorter wall with an end that meets no wall of the other part may be a row of cupboards, moved,
+and seen through a door [m]."""
+
+THROUGH_CELLS = 3.0
+"""A robot that came as close to a wall drove through it [cells]."""
+
 HIDDEN_DEPTH_M, HIDDEN_M2 = 2.0, 8.0
 """A wall behind which the other part saw less than this depth along its length [m], and less than
 this area [m^2], may be a row of shelves: where a corridor or a room goes on, there is more."""
-
-FREE_END_M = 0.3
-"""Floor beyond the end of a wall, in line with it, by which it stands free there [m]."""
-
-MAX_REST_M = 0.5
-"""A wall that goes on further than this where nothing contradicts it does not end there [m]."""
 
 
 class Submaps(NamedTuple):
@@ -76,10 +65,12 @@ class Submaps(NamedTuple):
     ----------
     grids : of each.
     poses : float64, shape (m, 3), in the frame of both parts [m, m, rad].
+    path : float64, shape (k, 2), places that the robot drove through, close to each other [m].
     """
 
     grids: Sequence[FinishedGrid]
     poses: FloatArray
+    path: FloatArray = np.zeros((0, 2))
 
 
 class WallFault(NamedTuple):
@@ -90,12 +81,15 @@ class WallFault(NamedTuple):
     x, y : its middle, in the frame of both parts [m].
     length : of the wall [m].
     hidden : area behind it that only the other part knows, and where that has seen walls [m^2].
+    closes : whether it closes a corridor or room of both: it meets walls of the other part at both
+        ends, or the robot drove through it there, or it is longer than furniture.
     """
 
     x: float
     y: float
     length: float
     hidden: float
+    closes: bool = True
 
 
 def wall_faults(
@@ -114,13 +108,14 @@ def wall_faults(
         parts may be bent.
     min_length, min_hidden : least length of a wall [m], and least area behind it [m^2].
     """
-    box = _common_box(one, other, submaps.resolution)
+    resolution = submaps.resolution
+    box = _common_box(one, other, resolution)
     if box is None:
         return []
     maps = [compose_map(each.grids, each.poses, submaps, box).probability for each in (one, other)]
     faults = [
-        *_faults(maps[0], maps[1], box, submaps.resolution, min_length, min_hidden, held),
-        *_faults(maps[1], maps[0], box, submaps.resolution, min_length, min_hidden, held),
+        *_faults(maps[0], maps[1], other.path, box, resolution, min_length, min_hidden, held),
+        *_faults(maps[1], maps[0], one.path, box, resolution, min_length, min_hidden, held),
     ]
     return sorted(faults, key=lambda fault: (-fault.length, fault.x, fault.y))
 
@@ -153,13 +148,17 @@ def _corners(grid: FinishedGrid) -> FloatArray:
 def _faults(
     walls: NDArray[np.float32],
     seen: NDArray[np.float32],
+    path: FloatArray,
     box: CellBox,
     resolution: float,
     min_length: float,
     min_hidden: float,
     held: FloatArray,
 ) -> list[WallFault]:
-    """Return the walls of a map that another one contradicts; both are of the same cells."""
+    """Return the walls of a map that another one contradicts, on which the robot drove a path.
+
+    Both are of the same cells.
+    """
     from scipy import ndimage  # heavy, and rarely used
 
     floor = (seen >= 0.0) & (seen < FLOOR)
@@ -178,7 +177,7 @@ def _faults(
             continue
         piece = np.argwhere(pieces[rows, cols] == number) + np.array((rows.start, cols.start))
         places = piece[contradicted[tuple(piece.T)]]
-        if length < FURNITURE_M and _has_free_end(walls, places, resolution):
+        if length < FURNITURE_M and has_free_end(walls, places, resolution):
             continue
         bend = _bend(places, box, resolution, held)
         reach = (NEAR_WALL_M + bend) / resolution
@@ -190,8 +189,23 @@ def _faults(
         if area >= max(min_hidden, min(HIDDEN_DEPTH_M * length, HIDDEN_M2)):
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
-            faults.append(WallFault(x, y, length, area))
+            closes = (
+                length >= SHELVES_M
+                or _is_driven_through(places, path / resolution - (box.first_col, box.first_row))
+                or meets_walls(walls, seen > MAYBE_WALL, places, reach, resolution)
+            )
+            faults.append(WallFault(x, y, length, area, closes))
     return faults
+
+
+def _is_driven_through(places: IntArray, path: FloatArray) -> bool:
+    """Return whether a path, shape (k, 2), column and row [cells], leads through a wall."""
+    from scipy.spatial import cKDTree
+
+    if len(path) == 0:
+        return False
+    apart, _ = cKDTree(path[:, ::-1]).query(places)
+    return bool(apart.min() <= THROUGH_CELLS)
 
 
 def _clear_near(cells: BoolArray, walls: BoolArray, distance: float) -> None:
@@ -274,57 +288,6 @@ def _straight_length(cells: BoolArray) -> float:
     close = along[np.abs(across - np.median(across)) <= STRAIGHT_CELLS]
     # Cells of an oblique line are up to 1.4 apart.
     return 2.0 * len(np.unique(np.floor(close / 2.0)))
-
-
-def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: float) -> bool:
-    """Return whether the map with a wall saw past an end of it: floor, in line with the wall.
-
-    What ends a room or a corridor meets other walls at both ends, and furniture in a corner at one.
-    Where it is seen through a door, what is seen may end just beyond it.
-
-    Parameters
-    ----------
-    walls : probabilities of the map.
-    places : int64, shape (n, 2), row and column of cells of the wall.
-    resolution : edge of a cell [m].
-    """
-    middle, axes = axes_of(places)
-    across, along = ((places - middle) @ axes).T
-    middle = middle + np.median(across) * axes[:, 0]
-    back = directions_behind(walls, places)[0]
-    num_free, most = round(FREE_END_M / resolution), round(MAX_REST_M / resolution)
-    gap = max(1, round(BRIDGED_M / resolution))
-    steps = np.arange(1, most + num_free + gap + 1)
-    for end, ahead in ((along.max(), axes[:, 1]), (-along.min(), -axes[:, 1])):
-        line = middle + (end + steps)[:, None] * ahead
-        before, *lanes = [cells_at(walls, line + shift * back) for shift in (-1.0, *_LANES)]
-        last = 0  # cell of the wall beyond the end
-        for step in np.flatnonzero(np.max((before, *lanes[:2]), axis=0) > WALL).tolist():
-            if step + 1 - last > gap:
-                break
-            last = step + 1
-        # The cell between wall and floor may be either.
-        beyond = np.array(lanes)[:, last + 1 : last + num_free]
-        is_floor = (beyond >= 0.0) & (beyond < FLOOR)
-        is_free = (np.count_nonzero(~is_floor, axis=1) <= 1).any()
-        if last <= most and (is_free or _is_seen_past(beyond[1:])):
-            return True
-    return False
-
-
-def _is_seen_past(beyond: NDArray[np.float32]) -> bool:
-    """Return whether beams passed an end of a wall at the edge of what is seen, as through a door.
-
-    On all lines behind the wall there is floor beyond its end, if only few beams saw it, and then
-    nothing.
-
-    Parameters
-    ----------
-    beyond : shape (lanes, n), probabilities of the cells beyond the end.
-    """
-    is_free = (beyond >= 0.0) & (beyond < MAYBE_WALL)
-    is_after = np.logical_or.accumulate(~is_free, axis=1)
-    return bool(is_free[:, 0].all() and (~is_after | (beyond < 0.0)).all())
 
 
 def _grown(cells: BoolArray, radius: int) -> BoolArray:

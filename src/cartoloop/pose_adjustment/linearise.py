@@ -46,7 +46,8 @@ def _pass(
         eliminate,
         plan.elimination,
     )
-    cost += linearize_direct(poses, plan.rotations, plan.direct, losses)
+    if plan.has_direct:
+        cost += linearize_direct(poses, plan.rotations, plan.direct, losses)
     return cost, decrease, is_definite
 
 
@@ -91,13 +92,14 @@ class Linearised:
         reduced_system.sum_windows(
             plan.layout, system.slot_blocks, plan.elimination.sums, system.blocks, system.gradient
         )
-        reduced_system.add_direct(
-            plan.direct,
-            plan.vertices.row_of_vertex,
-            system.edge_blocks,
-            system.blocks,
-            system.gradient,
-        )
+        if plan.has_direct:
+            reduced_system.add_direct(
+                plan.direct,
+                plan.vertices.row_of_vertex,
+                system.edge_blocks,
+                system.blocks,
+                system.gradient,
+            )
         decrease, is_definite = sparse_cholesky.solve(
             system.cholesky,
             system.blocks,

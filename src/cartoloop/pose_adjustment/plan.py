@@ -88,6 +88,11 @@ class Plan:
     num_passes: int = 0
 
     @property
+    def has_direct(self) -> bool:
+        """Whether there are constraints between vertices that are both kept: in few maps."""
+        return self.direct.vertex_a.size > 0
+
+    @property
     def num_weights(self) -> int:
         """How many constraints and control points there are."""
         points = self.problem.control_points

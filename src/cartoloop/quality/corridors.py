@@ -16,6 +16,7 @@ from cartoloop.quality.odometry_use import has_odometry, num_slips, untrusted_od
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import stamps_of
 from cartoloop.sensor.free_standing import are_free_standing
+from cartoloop.sensor.median import median
 from cartoloop.sensor.pose import Pose, compose, inverse, relative, relative_all
 from cartoloop.sensor.wall_normals import CORRIDOR_RATIO, chord_ratio, normal_ratio
 
@@ -120,7 +121,7 @@ def _smooth(ratios: FloatArray) -> FloatArray:
     """Return the medians over :data:`SMOOTHED_OVER` nodes examined."""
     half = SMOOTHED_OVER // 2
     parts = [ratios[max(i - half, 0) : i + half + 1] for i in range(len(ratios))]
-    return np.array([np.median(part) for part in parts])
+    return np.array([median(part) for part in parts])
 
 
 def _of_walls(points: FloatArray) -> FloatArray:

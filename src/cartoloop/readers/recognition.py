@@ -84,7 +84,8 @@ def _require_no_map(path: Path) -> None:
     """Check that a path is not that of a map, which is given in place of a recording at times."""
     if path.name in MAP_FILES or any((path / name).is_file() for name in MAP_FILES):
         raise InputError(
-            f"{path}: is a map, not a recording; where a command takes both, the map comes first"
+            f"{path}: is a map, not a recording; `cartoloop merge` joins maps, `cartoloop map "
+            "RECORDING --onto MAP` adds to one, `cartoloop locate MAP RECORDING` localises in one"
         )
 
 

@@ -132,6 +132,7 @@ class PrecomputationGrids:
                     ((cells.shape[0] + 1) // 2, (cells.shape[1] + 1) // 2), dtype=np.uint8
                 )
                 halve(cells, halved)
+                halved.flags.writeable = False  # like `cells`: one compiled kernel serves both
                 cells = halved
             grids = self.cells[layout.first : layout.end].reshape(-1, layout.grid_size)
             edges = np.array(BOXES[layout.stride])
@@ -157,7 +158,9 @@ class PrecomputationGrids:
         """Return the probability of each of the submap's cells; 0 where never observed."""
         layout = self.layouts[1]
         shape = (layout.num_rows, layout.num_cols)
-        return probabilities_of_part(self.grid(1, 1), MARGIN, MARGIN, shape)
+        cells = self.grid(1, 1)
+        cells.flags.writeable = False  # as those of a finished grid
+        return probabilities_of_part(cells, MARGIN, MARGIN, shape)
 
     def grid(self, stride: int, edge: int) -> ByteArray:
         """Return the grid of boxes of `edge` strides, with its margins: ``[row + MARGIN, ...]``."""

@@ -36,8 +36,12 @@ MIN_SAMPLES = 200
 ALL_UNTIL, EVERY_NTH_SCAN = 20, 5
 """The first scans are all measured, then one in five."""
 
+TOGETHER = 10
+"""Number of scans that are measured together, for a fraction of the time that each takes alone."""
+
 ESTIMATED_AFTER = (10, 40, 160, 320)
-"""Numbers of measured scans after which the noise is estimated, the last time for good."""
+"""Numbers of measured scans, each a multiple of `TOGETHER`, after which the noise is estimated, the
+last time for good."""
 
 MIN_NOISE_M = 0.015
 """A scanner with this noise or more at the median range is noisy [m]: that of others is lost in a
@@ -101,6 +105,7 @@ class RangeNoise:
         self.useful_range = math.inf
         self._step = step
         self._num_scans = self._num_measured = 0
+        self._waiting: list[FloatArray] = []
         self._ranges: list[FloatArray] = []
         self._variances: list[FloatArray] = []
 
@@ -122,10 +127,14 @@ class RangeNoise:
         if self._num_scans > ALL_UNTIL and self._num_scans % EVERY_NTH_SCAN:
             return
         is_return = (ranges >= max(min_range, SHORTEST_M)) & (ranges < no_return_range)
-        middle, variances = wall_residuals(np.where(is_return, ranges, np.nan), self._step)
+        self._waiting.append(np.where(is_return, ranges, np.nan))
+        if len(self._waiting) < TOGETHER:
+            return
+        middle, variances = wall_residuals(np.stack(self._waiting), self._step)
+        self._waiting.clear()
         self._ranges.append(middle)
         self._variances.append(variances)
-        self._num_measured += 1
+        self._num_measured += TOGETHER
         if self._num_measured in ESTIMATED_AFTER:
             self._estimate()
 
@@ -177,7 +186,7 @@ def wall_residuals(ranges: FloatArray, step: float) -> tuple[FloatArray, FloatAr
 
     Parameters
     ----------
-    ranges : float64, shape (n,), NaN without a return [m].
+    ranges : float64, shape (n,) or, of several scans, (m, n), NaN without a return [m].
     step : angle between two beams [rad].
 
     Notes
@@ -185,14 +194,13 @@ def wall_residuals(ranges: FloatArray, step: float) -> tuple[FloatArray, FloatAr
     On a straight wall the reciprocal of the range is a sinusoid of the angle, a cos + b sin: a
     linear least squares problem, the same for each `WINDOW` of neighbouring returns.
     """
-    nothing = np.empty(0), np.empty(0)
-    if len(ranges) < WINDOW:
-        return nothing
-    windows = np.lib.stride_tricks.sliding_window_view(ranges, WINDOW)
-    middle = windows[:, WINDOW // 2]
+    if ranges.shape[-1] < WINDOW:
+        return np.empty(0), np.empty(0)
+    windows = np.lib.stride_tricks.sliding_window_view(ranges, WINDOW, axis=-1)
+    middle = windows[..., WINDOW // 2]
     changes = np.abs(np.diff(ranges))
-    number = len(middle)
-    largest = np.max([changes[k : k + number] for k in range(WINDOW - 1)], axis=0)
+    number = middle.shape[-1]
+    largest = np.max([changes[..., k : k + number] for k in range(WINDOW - 1)], axis=0)
     # NaN is near to none
     is_wall: BoolArray = largest <= EDGE_M + EDGE_SHARE * middle
     basis, solve = _sinusoids(step)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from cartoloop.arrays import FloatArray
 
 LITTLE_SPREAD_M2 = 50.0
@@ -19,5 +21,6 @@ def show_little(points: FloatArray) -> bool:
     """
     if len(points) == 0:
         return True
-    from_middle = points - points.mean(axis=0)
-    return float((from_middle * from_middle).sum()) < LITTLE_SPREAD_M2
+    x, y = np.add.reduce(points).tolist()
+    spread = float(np.vdot(points, points)) - (x * x + y * y) / len(points)
+    return bool(spread < LITTLE_SPREAD_M2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from cartoloop._jit import kernel
 from cartoloop.arrays import IntArray
 from cartoloop.kernels.sparse_cholesky import fronts
 from cartoloop.kernels.sparse_cholesky.arrays import both_halves
@@ -49,6 +50,7 @@ class Plan(NamedTuple):
     max_width: int
 
 
+@kernel
 def plan(row_begin: IntArray, columns: IntArray) -> Plan:
     """Return how to factor systems with these blocks above their diagonal.
 
@@ -72,18 +74,18 @@ def plan(row_begin: IntArray, columns: IntArray) -> Plan:
         row_begin, columns, order, group_begin, front_begin, rows, factor_begin
     )
     return Plan(
-        order=order,
-        group_begin=group_begin,
-        row_begin=front_begin,
-        rows=rows,
-        factor_begin=factor_begin,
-        place_in_parent=place_in_parent,
-        num_children=num_children,
-        depth=depth,
-        target=target,
-        stride=stride,
-        transposed=transposed,
-        even_size=even_size,
-        odd_size=odd_size,
-        max_width=max_width,
+        order,
+        group_begin,
+        front_begin,
+        rows,
+        factor_begin,
+        place_in_parent,
+        num_children,
+        depth,
+        target,
+        stride,
+        transposed,
+        even_size,
+        odd_size,
+        max_width,
     )
