@@ -30,10 +30,11 @@ from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.localisation.changes.watch import no_looks
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.quality.agreement import agreement
 from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
-from cartoloop.quality.motion import num_changed
-from cartoloop.quality.pairs import agreement
+from cartoloop.quality.pairs import agreement_limits, cell_grid
+from cartoloop.quality.scan_changes import num_changed
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
@@ -271,7 +272,10 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     )  # fmt: skip
     yield Workload(
         "agree", ("map_agreement",), case,
-        partial(agreement, grid, ScanPoints.of(points), np.array(in_submap), math.inf),
+        partial(
+            agreement, cell_grid(grid), agreement_limits(grid.resolution, math.inf),
+            ScanPoints.of(points), np.array(in_submap),
+        ),
         sum(map(len, points)), "points",
     )  # fmt: skip
     along = np.array([[1.0, 0.0]])

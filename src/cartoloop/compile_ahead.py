@@ -30,10 +30,11 @@ from cartoloop.config import (
 from cartoloop.global_slam.claims import Claims
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.quality.agreement import agreement
 from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
-from cartoloop.quality.motion import num_changed
-from cartoloop.quality.pairs import agreement, cell_grid
+from cartoloop.quality.pairs import agreement_limits, cell_grid
+from cartoloop.quality.scan_changes import num_changed
 from cartoloop.quality.slides import fits_along
 from cartoloop.runtime.process_memory import relax_gc
 from cartoloop.runtime.stage_timer import StageTimer
@@ -72,7 +73,8 @@ def compile_ahead() -> None:
     grids = [grid for _, grid in sorted(slam.finished_grids().items())]
     compose_map(grids, slam.graph.submap_poses, Config().local_slam.submaps)
     scans = slam.node_points.take(np.zeros(1, dtype=np.int64))
-    agreement(grids[0], scans, np.zeros((1, 3)), math.inf)
+    limits = agreement_limits(_RESOLUTION, math.inf)
+    agreement(cell_grid(grids[0]), limits, scans, np.zeros((1, 3)))
     shifts_in(grids[0], ScanPoints.of([scans[0]]), _RESOLUTION)
     fits_along(cell_grid(grids[0]), ScanPoints.of([scans[0]]), np.array([[1.0, 0.0]]), np.zeros(1))
     num_changed(scans[0], scans[0][:-1], scans[0][1:])

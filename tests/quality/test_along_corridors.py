@@ -3,14 +3,20 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from cartoloop.quality.along_corridors import are_here, met_nodes, shifts_along
-from cartoloop.quality.encounters import encounters
+from cartoloop.quality.along_corridors import (
+    are_here,
+    are_supported,
+    met_nodes,
+    shifts_along,
+)
+from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.motion import Event
 from cartoloop.quality.motion_places import gap_places
 from cartoloop.quality.pairs import compared_pairs, path_lengths, scans_of
@@ -77,6 +83,21 @@ def test_a_shift_of_one_encounter_alone_is_none(two_rounds_result):
     shifts = shifts_along(met, moved, scans_of(moved), far_apart)
 
     assert not np.any(np.hypot(*shifts.T) > 0.3)
+
+
+@pytest.mark.parametrize(
+    ("others", "counts"),
+    [([1.0], True), ([1.0, 0.0], True), ([1.0, 0.0, 0.0], False), ([0.0], False), ([], False)],
+)
+def test_shifts_are_not_outnumbered_by_others_nearby(others, counts):
+    # The others meet there, seen from the other visit: the same shift is the opposite one.
+    at = np.array(
+        [(20.0, 150.0)] + [(149.0 - k, 21.0 + k) for k in range(len(others))] + [(90, 90)]
+    )
+    along = np.array([1.0] + [-shift for shift in others] + [0.0])
+    shifts = np.column_stack((along, np.zeros(len(at))))
+
+    assert are_supported(shifts, at)[0] == counts
 
 
 @pytest.mark.slow
@@ -178,14 +199,24 @@ def test_between_sessions_nothing_is_displaced():
     assert not displacement_by_scale(run, np.ones(10, bool), ODOMETRY).any()
 
 
+def moved_before(result, middle, moved):
+    """Return the graph of a map whose closures moved what is before a node back [m]."""
+    graph = deepcopy(result.graph)
+    step = graph.node_poses[middle, :2] - graph.node_poses[middle - 1, :2]
+    graph.node_poses[:middle, :2] -= moved * step / np.hypot(*step)
+    return graph
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("expected", "measured", "moved", "severity"),
     [
         (3.0, True, 2.5, Severity.MINOR),
+        (9.0, True, 8.0, Severity.MINOR),
         (3.0, False, 2.5, Severity.DOUBTFUL),
         (3.0, True, 0.5, Severity.DOUBTFUL),
-        (9.0, True, 8.0, Severity.DOUBTFUL),
+        (9.0, True, 4.0, Severity.DOUBTFUL),
+        (12.0, True, 11.0, Severity.DOUBTFUL),
     ],
 )
 def test_a_gap_that_visits_made_up_for_is_minor(rounds, expected, measured, moved, severity):
@@ -193,9 +224,37 @@ def test_a_gap_that_visits_made_up_for_is_minor(rounds, expected, measured, move
     middle = int(np.searchsorted(paths, 0.5 * paths[-1]))
     event = Event(int(result.node_scan_index[middle]), 5.0, 0.5, expected)
     known = shifts if measured else np.full_like(shifts, np.nan)
-    trajectory = result.trajectory.copy()
-    trajectory[: event.scan, 0] -= moved  # by the closures
+    graph = moved_before(result, middle, moved)
 
-    (place,) = gap_places([event], met, known, replace(result, trajectory=trajectory))
+    (place,) = gap_places([event], met, known, replace(result, graph=graph))
 
     assert place.severity is severity
+
+
+@pytest.mark.slow
+def test_a_gap_is_not_made_up_for_by_a_few_visits(rounds):
+    result, met, paths, shifts = rounds
+    middle = int(np.searchsorted(paths, 0.5 * paths[-1]))
+    event = Event(int(result.node_scan_index[middle]), 5.0, 0.5, 3.0)
+    moved = replace(result, graph=moved_before(result, middle, 2.5))
+    far = np.hypot(*(met_places(met, result) - result.trajectory[event.scan, :2]).T) > 6.0
+    rows = np.flatnonzero(far & are_here(shifts))[:3]
+    few = Encounters(met.first[rows], met.end[rows], met.pairs, *columns(met, rows))
+
+    [place] = gap_places([event], few, shifts[rows], moved)
+
+    assert few.length.sum() > 5.0
+    assert place.severity is Severity.DOUBTFUL
+
+
+def columns(met, rows):
+    """Return the rest of what is known of some encounters."""
+    return [
+        column[rows]
+        for column in (met.length, met.contradiction, met.displacement, met.contradicts)
+    ]
+
+
+def met_places(met, result):
+    """Return the places of the first nodes of encounters."""
+    return result.graph.node_poses[met.pairs.node[met.first], :2]

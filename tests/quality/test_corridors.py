@@ -10,7 +10,12 @@ import pytest
 
 from cartoloop.config import QualityConfig
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.quality.corridor_places import DISPLACED_GAIN, NodeVisits, corridor_places
+from cartoloop.quality.corridor_places import (
+    DISPLACED_GAIN,
+    NodeVisits,
+    corridor_places,
+    measured_by_odometry,
+)
 from cartoloop.quality.corridors import (
     MAX_RADIUS_M,
     MIN_RADIUS_M,
@@ -138,6 +143,22 @@ def test_people_do_not_hide_a_corridor():
     assert corridors(crowded(), 5.0, FROZEN | {"faults": [ALWAYS]}).is_corridor.all()
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.04])
+def test_noise_hides_no_length_that_odometry_measures(sigma):
+    run, rng = run_along(STEP_M * np.arange(40), niches=False), np.random.default_rng(5)
+    run.node_points = [
+        points
+        * (1.0 + rng.normal(0.0, sigma, (len(points), 1)) / np.hypot(*points.T)[:, np.newaxis])
+        for points in run.node_points
+    ]
+
+    halls = corridors(run, 10.0, GOOD)
+
+    assert halls.is_corridor.all() == (sigma == 0.0)
+    assert halls.is_by_chords.all()
+    assert np.count_nonzero(measured_by_odometry(halls, GOOD, run)) >= 38
+
+
 def test_steps_are_compared_where_there_is_no_odometry():
     run = run_along(STEP_M * np.arange(200), niches=False)
     is_frozen = run.stamps[corridors(run, 5.0, GOOD).nodes] >= FROZEN["faults"][0]["begin"]
@@ -243,7 +264,8 @@ def hall(gain, count=300):
     """Return a corridor of a node every 0.2 m, with one gain, and its run without returns."""
     nodes = np.arange(0, count, 3)
     run = Run(STEP_M * np.arange(count))
-    return Corridors(nodes, np.ones(len(nodes), bool), np.full(len(nodes), gain)), run
+    alike = np.ones(len(nodes), bool)
+    return Corridors(nodes, alike, alike, np.full(len(nodes), gain)), run
 
 
 def places_of(halls, odometry, run, *, visited=True, displaced=0.0, here=False):

@@ -28,7 +28,7 @@ def seen_from_afar(result):
 
 
 def test_nodes_that_come_back_reach_farther():
-    reach = Reach(5.0, 15.0)
+    reach = Reach(5.0, 15.0, 30.0)
     paths = np.array((0.0, 8.0, 15.0, MIN_DETOUR * 15.0 - 0.1, MIN_DETOUR * 15.0, 400.0))
 
     assert reach.of(paths).tolist() == [5.0, 5.0, 5.0, 5.0, 15.0, 15.0]

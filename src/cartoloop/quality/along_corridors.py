@@ -35,9 +35,10 @@ MAX_EXAMINED = 120
 """Encounters that are examined."""
 
 OTHER_M, SUPPORT_M = 0.5, 8.0
-"""A shift of :data:`SAME_M` or more counts if another encounter measures the same, so far from it
-along the paths of both visits at least and at most [m]: doors that look alike fit to each other
-once, and submaps that overlap show the same scans."""
+"""A shift of :data:`SAME_M` or more counts if other encounters measure the same, so far from it
+along the paths of both visits at least and at most [m], and are not outnumbered by those there that
+measure another one: doors that look alike fit to each other once, or from one side only, and
+submaps that overlap show the same scans."""
 
 
 def shifts_along(
@@ -57,7 +58,7 @@ def shifts_along(
     count = round(REACH_M / STEP_M)
     tried: FloatArray = STEP_M * np.arange(-count, count + 1, dtype=np.float64)
     found = np.full((len(met), 2), np.nan)
-    rows = np.unique(np.linspace(0, len(met) - 1, min(len(met), MAX_EXAMINED)).astype(np.int64))
+    rows = examined(len(met))
     submaps = met.pairs.submap[met.first[rows]]
     for submap in np.unique(submaps).tolist():
         grid = content.submap_grids[submap]
@@ -66,8 +67,14 @@ def shifts_along(
             along = path_direction(met, row, content)
             costs = _costs(met, row, along, tried, smooth, content, scans)
             found[row] = _in_map(met, row, _fitting_shift(costs, tried) * along, content)
-    found[~_are_supported(found, paths[met_nodes(met)])] = np.nan
+    found[~are_supported(found, paths[met_nodes(met)])] = np.nan
     return found
+
+
+def examined(num_encounters: int) -> IntArray:
+    """Return which of some encounters are examined."""
+    count = min(num_encounters, MAX_EXAMINED)
+    return np.unique(np.linspace(0, num_encounters - 1, count).astype(np.int64))
 
 
 def _in_map(met: Encounters, row: int, vector: FloatArray, content: MapContent) -> FloatArray:
@@ -87,12 +94,17 @@ def are_here(shifts: FloatArray) -> BoolArray:
 
 def nodes_here(met: Encounters, shifts: FloatArray, num_nodes: int) -> BoolArray:
     """Return which nodes are in encounters that are measured to agree, or met, shape (n,)."""
-    here = np.zeros(num_nodes, dtype=np.bool_)
-    for row in np.flatnonzero(are_here(shifts)).tolist():
+    return nodes_between(met, np.flatnonzero(are_here(shifts)), num_nodes)
+
+
+def nodes_between(met: Encounters, rows: IntArray, num_nodes: int) -> BoolArray:
+    """Return which nodes are in some encounters, or met, or between such nodes, shape (n,)."""
+    found = np.zeros(num_nodes, dtype=np.bool_)
+    for row in rows.tolist():
         own = slice(int(met.first[row]), int(met.end[row]))
         for nodes in (met.pairs.node[own], met.pairs.own_node[own]):
-            here[int(nodes.min()) : int(nodes.max()) + 1] = True
-    return here
+            found[int(nodes.min()) : int(nodes.max()) + 1] = True
+    return found
 
 
 def met_nodes(met: Encounters) -> IntArray:
@@ -151,8 +163,8 @@ def _fitting_shift(costs: FloatArray, shifts: FloatArray) -> float:
     return float(shifts[best]) if is_clear and is_inside else float("nan")
 
 
-def _are_supported(shifts: FloatArray, at: FloatArray) -> BoolArray:
-    """Return which shifts are small, or measured by another encounter nearby, too, shape (n,).
+def are_supported(shifts: FloatArray, at: FloatArray) -> BoolArray:
+    """Return which shifts are small, or measured by other encounters nearby, too, shape (n,).
 
     Parameters
     ----------
@@ -160,11 +172,16 @@ def _are_supported(shifts: FloatArray, at: FloatArray) -> BoolArray:
     at : path lengths of both nodes of each encounter, shape (n, 2) [m].
     """
     supported: BoolArray = np.hypot(shifts[:, 0], shifts[:, 1]) <= SAME_M
+    is_known = np.isfinite(shifts[:, 0])
     # The other visit may be the one that meets, and then its shift is the opposite one.
     for row in np.flatnonzero(np.hypot(shifts[:, 0], shifts[:, 1]) > SAME_M).tolist():
+        num_same = num_other = 0
         for others, sign in ((at, -1.0), (at[:, ::-1], 1.0)):
             away = np.abs(others - at[row]).max(axis=1)
-            apart = shifts + sign * shifts[row]
+            is_near = is_known & (away > OTHER_M) & (away < SUPPORT_M)
+            apart = shifts[is_near] + sign * shifts[row]
             is_same = np.hypot(apart[:, 0], apart[:, 1]) < SAME_M
-            supported[row] |= bool(np.any(is_same & (away > OTHER_M) & (away < SUPPORT_M)))
+            num_same += int(is_same.sum())
+            num_other += int((~is_same).sum())
+        supported[row] = num_same > 0 and num_same >= num_other
     return supported

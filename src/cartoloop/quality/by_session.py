@@ -107,10 +107,12 @@ def corridors_of(
         for session, _, first_node in session_contents(content)
     ]
     if not parts:
-        return Corridors(np.zeros(0, np.int64), np.zeros(0, dtype=bool), np.zeros(0))
+        none = np.zeros(0, dtype=bool)
+        return Corridors(np.zeros(0, np.int64), none, none, np.zeros(0))
     return Corridors(
         np.concatenate([found.nodes + first_node for found, first_node in parts]),
         np.concatenate([found.is_corridor for found, _ in parts]),
+        np.concatenate([found.is_by_chords for found, _ in parts]),
         np.concatenate([found.gains for found, _ in parts]),
     )
 

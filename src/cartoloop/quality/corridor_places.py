@@ -96,9 +96,13 @@ def corridor_places(
 def measured_by_odometry(
     halls: Corridors, odometry: Mapping[str, Any] | None, content: MapContent
 ) -> BoolArray:
-    """Return which of all nodes are in corridors whose lengths odometry measures, shape (n,)."""
+    """Return which of all nodes are in corridors whose lengths odometry measures, shape (n,).
+
+    Also in those that only chords along walls show: where ranges are noisy, scans measure little.
+    """
     found = np.zeros(content.graph.num_nodes, dtype=np.bool_)
     if has_odometry(odometry):
+        halls = halls._replace(is_corridor=halls.is_by_chords)
         for rows in _runs(halls, ~without_odometry(stamps_of(content, halls.nodes), odometry)):
             found[halls.nodes[rows[0]] : halls.nodes[rows[-1]] + 1] = True
     return found

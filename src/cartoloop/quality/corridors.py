@@ -70,6 +70,8 @@ class Corridors(NamedTuple):
     ----------
     nodes : int64 (k,), the nodes that were examined.
     is_corridor : bool (k,), whether walls around a node are parallel and nothing else.
+    is_by_chords : bool (k,), whether they are by chords along walls: what stands out from walls, or
+        noise, may hide it otherwise.
     gains : float64 (k,), by how much less the scan of the next node costs elsewhere along the walls
         than where it is, as a log-likelihood. Negative ones: the step between both is measured;
         large positive ones: the scans contradict it. NaN where they were not compared.
@@ -77,6 +79,7 @@ class Corridors(NamedTuple):
 
     nodes: IntArray
     is_corridor: BoolArray
+    is_by_chords: BoolArray
     gains: FloatArray
 
 
@@ -103,16 +106,22 @@ def corridors(
     for row in np.flatnonzero(alone).tolist():
         points[row] = _of_walls(points[row])
     ratios = np.array([normal_ratio(each, max_range) for each in points])
+    by_chord = CHORD_FACTOR * np.array([chord_ratio(each, max_range) for each in points])
+    is_by_chords = _smooth(by_chord) < CORRIDOR_RATIO
     if not has_odometry(odometry) or num_slips(odometry):
-        by_chord = np.array([chord_ratio(each, max_range) for each in points])
-        ratios = np.minimum(ratios, CHORD_FACTOR * by_chord)
-    half = SMOOTHED_OVER // 2
-    smooth = np.array([median(ratios[max(i - half, 0) : i + half + 1]) for i in range(len(ratios))])
-    is_corridor = smooth < CORRIDOR_RATIO
+        ratios = np.minimum(ratios, by_chord)
+    is_corridor = _smooth(ratios) < CORRIDOR_RATIO
     gains = np.full(len(nodes), np.nan)
     for row in np.flatnonzero(is_corridor & alone & (nodes + 1 < count)).tolist():
         gains[row] = gain_elsewhere(content, int(nodes[row]))
-    return Corridors(nodes, is_corridor, gains)
+    return Corridors(nodes, is_corridor, is_corridor | is_by_chords, gains)
+
+
+def _smooth(ratios: FloatArray) -> FloatArray:
+    """Return the medians over :data:`SMOOTHED_OVER` nodes examined."""
+    half = SMOOTHED_OVER // 2
+    parts = [ratios[max(i - half, 0) : i + half + 1] for i in range(len(ratios))]
+    return np.array([median(part) for part in parts])
 
 
 def _of_walls(points: FloatArray) -> FloatArray:

@@ -64,7 +64,7 @@ def examine(
     )
     misfits = by_session.events(content, motion.misfits)
     only_clock = clock_jumps(gaps, {event.scan for event in misfits}, content, odometry)
-    misfits = _without(misfits, gaps)
+    misfits, tears = _without(misfits, gaps), motion_places.without_gaps(tears, gaps, content)
     blind = _blind(content)
     stands = by_session.standing(content, motion.standing)
     halls = by_session.corridors_of(content, config.max_range, odometry)

@@ -3,16 +3,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.global_slam.sparse_scans import TURN_STEP_M
-from cartoloop.kernels.outline_distance import count_apart
 from cartoloop.quality.pairs import MapContent
-from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, wrap_angles
+from cartoloop.quality.scan_changes import changed_share
+from cartoloop.sensor.pose import Pose, relative, wrap_angle, wrap_angles
 from cartoloop.sensor.time_repair import repair_times
 from cartoloop.submaps.submap import SPARSE_STEP_M
 
@@ -46,12 +45,6 @@ JUMP_SPEED, MIN_JUMP_M = 5.0, 0.7
 STANDING_M, STANDING_RAD, MIN_INTERVAL_S = 0.1, 0.1, 3.0
 """Between two nodes of a robot that stands [m], [rad], and the time after which a robot that does
 not move is given a node; nodes of one that moves are 0.2 m apart at least [s]."""
-
-CHANGED_M = 0.3
-"""A return this far from the outline that another scan sees has moved [m]."""
-
-MAX_EDGE_M = 2.0
-"""Neighbouring returns further apart do not belong to one wall [m]."""
 
 
 class Event(NamedTuple):
@@ -166,9 +159,6 @@ UNUSUAL_SHARE, UNUSUAL_TIMES, USUAL_NODES = 0.25, 3.0, 4
 """The first share is enough if it is this multiple of the largest from node to node right before
 and after the gap, over the third number of nodes."""
 
-USUAL_SAMPLES = 100
-"""Nodes at which it is measured what usually changes."""
-
 
 def misfits(content: MapContent) -> list[Event]:
     """Return the gaps across which scans do not fit, as after a turn; `expected` is 0."""
@@ -251,7 +241,8 @@ class Standing(NamedTuple):
     ----------
     first, last : nodes.
     seconds : its length [s].
-    changed : share of the returns that moved between its nodes, in the mean.
+    changed : share of the returns that moved between its nodes, in the mean, but for those on
+        people and the like.
     """
 
     first: int
@@ -272,7 +263,9 @@ def standing(content: MapContent) -> list[Standing]:
     found = []
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > 2) + 1):
         if len(run):
-            changed = [changed_share(content, int(row), int(row) + 1) for row in run]
+            changed = [
+                changed_share(content, int(row), int(row) + 1, of_people=False) for row in run
+            ]
             found.append(
                 Standing(
                     int(run[0]),
@@ -282,59 +275,3 @@ def standing(content: MapContent) -> list[Standing]:
                 )
             )
     return found
-
-
-def usual_change(content: MapContent) -> float:
-    """Return the share of the returns that changes from node to node wherever the robot is.
-
-    Outliers and noise change them, not only motion: a quarter of the map has less.
-    """
-    count = len(content.node_points) - 1
-    if count < 1:
-        return 0.0
-    nodes = np.unique(np.linspace(0, count - 1, min(count, USUAL_SAMPLES)).astype(np.int64))
-    return float(np.quantile([changed_share(content, n, n + 1) for n in nodes.tolist()], 0.25))
-
-
-def changed_share(content: MapContent, one: int, other: int, max_range: float = 12.0) -> float:
-    """Return the share of a node's returns that are not on the outline that another node sees.
-
-    Of those to which that one has looked.
-    """
-    poses, points = content.graph.node_poses, content.node_points
-    outline, seen = points[one], points[other]
-    seen = seen[np.hypot(seen[:, 0], seen[:, 1]) < max_range]
-    bearings = np.arctan2(outline[:, 1], outline[:, 0])
-    order = np.argsort(bearings, kind="stable")
-    starts, ends = outline[order][:-1], outline[order][1:]
-    lengths = np.hypot(*(ends - starts).T) if len(starts) else np.zeros(0)
-    is_wall = (lengths < MAX_EDGE_M) & (lengths > 1e-6)
-    starts, ends = starts[is_wall], ends[is_wall]
-    if len(starts) < 5 or len(seen) < 5:
-        return 0.0
-    pose = relative(Pose(*poses[one].tolist()), Pose(*poses[other].tolist()))
-    seen = transform_points(pose, seen)
-    seen = seen[_is_in_view(np.arctan2(seen[:, 1], seen[:, 0]), bearings[order])]
-    if len(seen) < 5:
-        return 0.0
-    return num_changed(seen, starts, ends) / len(seen)
-
-
-def num_changed(points: FloatArray, starts: FloatArray, ends: FloatArray) -> int:
-    """Return how many returns are not on an outline.
-
-    Parameters
-    ----------
-    points : float64, shape (n, 2) [m].
-    starts, ends : float64, shapes (k, 2), of its edges, which have a length [m].
-    """
-    return count_apart(points, starts, ends, CHANGED_M)
-
-
-def _is_in_view(bearings: FloatArray, outline: FloatArray) -> BoolArray:
-    """Return which bearings are within those of an outline [rad], which ascend."""
-    gaps = np.diff(outline, append=outline[0] + math.tau)
-    widest = int(np.argmax(gaps))
-    begin = outline[(widest + 1) % len(outline)]
-    is_seen: BoolArray = np.mod(bearings - begin, math.tau) <= math.tau - gaps[widest]
-    return is_seen

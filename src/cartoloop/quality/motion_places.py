@@ -11,24 +11,34 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import QualityConfig
-from cartoloop.quality.along_corridors import are_here
+from cartoloop.quality.along_corridors import are_here, examined, nodes_between
 from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion import MOVED_SHARE, Event, Standing, usual_change
+from cartoloop.quality.motion import (
+    MIN_JUMP_M,
+    MOVED_SHARE,
+    Event,
+    Standing,
+    path_steps,
+)
 from cartoloop.quality.odometry_use import has_odometry, length_error, without_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import MAX_PLACES, at_scan, place_around, stamps_of
+from cartoloop.quality.scan_changes import usual_change
 from cartoloop.quality.verdict import Kind, Place, Severity
+from cartoloop.sensor.pose import relative_all
 
 BRIDGED_M, BRIDGED_SHARE, BRIDGE_AWAY_M = 5.0, 0.8, 5.0
 """A gap is bridged if later visits agree with submaps of before over so much path [m], if they are
 this share of all that meet them, and if they are so far from it [m]."""
 
 
-MAX_MISSING_M, MEASURED_SHARE = 4.0, 0.5
-"""A gap is made up for if the robot drove farther than its poses by no more than the first [m],
-which the search for loop closures spans, the finished map makes up for that, later visits agree
-with what was seen before, and this share of them was measured to agree along the path."""
+MAX_UNSURE_M, MEASURED_SHARE, CONFIRMED_SHARE = 4.0, 0.5, 0.4
+"""A gap is made up for if the finished map moves the robot across it as far as its speed has it,
+later visits agree with what was seen before, and the second share of those examined was measured to
+agree along the path. How far it drove is known to a share; where that is more than the first [m], a
+place that looks alike may be as far away. Of the path before the gap, or of that after it, these
+visits must make the last share: what only looks alike agrees nearby, and not with what follows."""
 
 _PARTS_ALONE = (
     "map the parts before and after it alone, and merge the maps; record without interruption, or "
@@ -63,15 +73,34 @@ def gap_places(
 
 def _is_made_up_for(event: Event, met: Encounters, shifts: FloatArray, content: MapContent) -> bool:
     """Return whether closures have put right what is missing in a gap."""
-    before, after = content.trajectory[event.scan - 1 : event.scan + 1, :2]
-    moved = float(np.hypot(*(after - before)))
+    nodes = content.graph.node_poses[_nodes_around(event, content), :2]
+    moved = float(np.hypot(*(nodes[1] - nodes[0])))
     if (
-        event.expected - event.moved > MAX_MISSING_M
+        (1.0 - MOVED_SHARE) * event.expected > MAX_UNSURE_M
         or moved < MOVED_SHARE * event.expected
         or not _is_bridged(event, met, content)
     ):
         return False
-    return float(np.mean(are_here(shifts[_bridges(event, met, content)]))) >= MEASURED_SHARE
+    bridges = _bridges(event, met, content)
+    rows = examined(len(met))
+    rows = rows[bridges[rows]]
+    if len(rows) == 0 or float(np.mean(are_here(shifts[rows]))) < MEASURED_SHARE:
+        return False
+    agree = np.flatnonzero(bridges & ~met.contradicts)
+    is_confirmed = nodes_between(met, agree, content.graph.num_nodes)
+    parts = np.split(is_confirmed, [_nodes_around(event, content)[1]])
+    return max(float(np.mean(part)) for part in parts if len(part)) >= CONFIRMED_SHARE
+
+
+def _nodes_around(event: Event, content: MapContent) -> list[int]:
+    """Return the nodes before and after an event.
+
+    Of a gap that closures have put right, scans in between may be placed by the node on the other
+    side.
+    """
+    after = int(np.searchsorted(content.node_scan_index, event.scan))
+    last = len(content.node_scan_index) - 1
+    return [min(max(after - 1, 0), last), min(after, last)]
 
 
 def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> list[Place]:
@@ -103,7 +132,7 @@ def _is_bridged(event: Event, met: Encounters, content: MapContent) -> bool:
 
 def _bridges(event: Event, met: Encounters, content: MapContent) -> BoolArray:
     """Return which encounters compare what was seen before and after an event."""
-    node = int(np.searchsorted(content.node_scan_index, event.scan))
+    node = _nodes_around(event, content)[1]
     first, own = met.pairs.node[met.first], met.pairs.own_node[met.first]
     # At the event itself scans agree with what is seen through it, however wrong it is.
     place = content.trajectory[event.scan, :2]
@@ -131,21 +160,59 @@ def jump_places(found: list[Event], met: Encounters, content: MapContent) -> lis
     ][:MAX_PLACES]
 
 
+def without_gaps(found: list[Event], others: list[Event], content: MapContent) -> list[Event]:
+    """Return the events but those between the same two nodes as some gaps: these are gaps, too."""
+    gaps = {_nodes_around(event, content)[1] for event in others}
+    return [event for event in found if _nodes_around(event, content)[1] not in gaps]
+
+
+TAKEN_BACK_M = 2.0
+"""Path to either side of a tear within which the finished map may go on as the scans do [m]."""
+
+FEW_TEARS, TEAR_EVERY_M = 2, 100.0
+"""This number of tears that are taken back, or one on so much path [m], is small: false closures
+are found in any building. Where they are many, there are others that tear nothing, and displace
+more."""
+
+
 def tear_places(found: list[Event], content: MapContent) -> list[Place]:
-    """Return the places where the graph tears the path apart, the largest."""
+    """Return the places where the graph tears the path apart, the largest.
+
+    Minor ones where a few scans alone are elsewhere, as by a loop closure of one node that is
+    false: what is before and after it lies to each other as the scans have it.
+    """
+    found = sorted(found, key=lambda event: -event.moved)
+    are_taken_back = [_is_taken_back(event, content) for event in found]
+    length = float(path_steps(content.local_trajectory).sum())
+    are_few = sum(are_taken_back) <= max(FEW_TEARS, length / TEAR_EVERY_M)
     return [
         at_scan(
             event,
             content,
             Kind.JUMP,
-            Severity.DOUBTFUL,
+            Severity.MINOR if are_few and is_taken_back else Severity.DOUBTFUL,
             f"the path is torn: {event.moved:.1f} m from one scan to the next, "
             f"{event.expected:.1f} m by the scans",
             "pins or loop closures contradict each other: `cartoloop edit` undoes a pin or drops "
             "a closure",
         )
-        for event in sorted(found, key=lambda event: -event.moved)
+        for event, is_taken_back in zip(found, are_taken_back, strict=True)
     ][:MAX_PLACES]
+
+
+def _is_taken_back(event: Event, content: MapContent) -> bool:
+    """Return whether scans shortly before and after a tear lie as they were matched."""
+    poses, by_scans = content.trajectory, content.local_trajectory
+    paths = np.concatenate(([0.0], np.cumsum(path_steps(by_scans))))
+    away = paths - paths[event.scan]
+    near = np.flatnonzero(np.abs(away) <= TAKEN_BACK_M)
+    after = near[near >= event.scan]
+    for before in near[near < event.scan].tolist():
+        apart = relative_all(poses[before], poses[after])
+        apart -= relative_all(by_scans[before], by_scans[after])
+        if np.any(np.hypot(apart[:, 0], apart[:, 1]) <= MIN_JUMP_M):
+            return True
+    return False
 
 
 BRIDGED_BLIND_ERROR_M = 0.15

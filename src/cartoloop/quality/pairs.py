@@ -14,8 +14,8 @@ from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.kernels.map_agreement import AgreementLimits, CellGrid, count_agreement
-from cartoloop.kernels.scan_batch import ScanBatch
+from cartoloop.kernels.map_agreement import AgreementLimits, CellGrid
+from cartoloop.quality.agreement import agreement, farthest_return, sure_floor
 from cartoloop.sensor.pose import compose_all, relative_all
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.session import Session
@@ -123,16 +123,18 @@ class Pairs:
 
 
 class Reach(NamedTuple):
-    """How far from the path of a submap nodes are compared with it.
+    """How far from the path of a submap nodes are compared with it, and how far they see.
 
     Attributes
     ----------
     nearby : distance of all nodes [m].
     visit : distance of nodes that come back to where they see the submap, not smaller [m].
+    scanner : distance of the farthest return of all nodes [m].
     """
 
     nearby: float
     visit: float
+    scanner: float
 
     def of(self, path: FloatArray) -> FloatArray:
         """Return the distance for the path lengths from nodes to a submap [m]."""
@@ -179,7 +181,8 @@ def compared_pairs(
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
     own = own[np.argsort(graph.index_a[own], kind="stable")]
     bounds = np.searchsorted(graph.index_a[own], np.arange(graph.num_submaps + 1))
-    reach = Reach(config.nearby, max(config.nearby, visit_distance or 0.0))
+    visit = max(config.nearby, visit_distance or 0.0)
+    reach = Reach(config.nearby, visit, farthest_return(scans))
     parts = []
     for submap, grid in enumerate(content.submap_grids):
         rows = own[bounds[submap] : bounds[submap + 1]]
@@ -208,7 +211,7 @@ def _pairs_of(
     """Return the pairs of one submap; `own` are the constraints of its nodes, in order."""
     poses = graph.node_poses
     first, last = int(graph.index_b[own].min()), int(graph.index_b[own].max())
-    own = own[::OWN_STRIDE]
+    of_submap, own = own, own[::OWN_STRIDE]
     references = graph.index_b[own]
     places = poses[references, :2]
     numbers = np.arange(len(poses))
@@ -233,7 +236,19 @@ def _pairs_of(
     tf_submap_node = compose_all(
         graph.relative_poses[own[nearest]], relative_all(poses[references[nearest]], poses[nodes])
     )
-    counts = agreement(grid, scans.take(nodes), tf_submap_node, config.max_range)
+    limits = agreement_limits(grid.resolution, config.max_range)
+    floor = sure_floor(
+        cell_grid(grid),
+        limits,
+        scans.take(graph.index_b[of_submap]),
+        graph.relative_poses[of_submap],
+        reach.scanner,
+    )
+    counts = np.zeros((len(nodes), 2), dtype=np.int64)
+    is_visit = path >= config.min_visit_path
+    for cells, chosen in ((floor.of_visits, is_visit), (floor.consecutive, ~is_visit)):
+        compared = scans.take(nodes[chosen])
+        counts[chosen] = agreement(cells, limits, compared, tf_submap_node[chosen])
     return Pairs(
         np.full(len(nodes), submap),
         nodes,
@@ -246,26 +261,20 @@ def _pairs_of(
     )
 
 
-def agreement(
-    grid: FinishedGrid, scans: ScanPoints, tf_submap_scan: FloatArray, max_range: float
-) -> IntArray:
-    """Return how many returns of scans are on walls and on floor of a submap, shape (k, 2)."""
-    counts = np.zeros((len(scans), 2), dtype=np.int64)
-    if len(scans):
-        count_agreement(
-            cell_grid(grid),
-            AgreementLimits(
-                cell_value(WALL),
-                cell_value(FLOOR),
-                round(ON_WALL_M / grid.resolution),
-                round(OFF_WALL_M / grid.resolution),
-                max_range,
-            ),
-            ScanBatch(scans.points, scans.firsts, scans.ends),
-            np.ascontiguousarray(tf_submap_scan),
-            counts,
-        )
-    return counts
+def agreement_limits(resolution: float, max_range: float) -> AgreementLimits:
+    """Return what counts as a wall and as floor in a submap of a resolution [m].
+
+    Parameters
+    ----------
+    max_range : returns farther from the robot are not counted [m].
+    """
+    return AgreementLimits(
+        cell_value(WALL),
+        cell_value(FLOOR),
+        round(ON_WALL_M / resolution),
+        round(OFF_WALL_M / resolution),
+        max_range,
+    )
 
 
 def cell_grid(grid: FinishedGrid) -> CellGrid:
