@@ -16,6 +16,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 from cartoloop.errors import InputError, OutputError
@@ -235,9 +236,8 @@ def prepare_folder(out: str | PathLike[str]) -> Path:
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".cartoloop-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
+        with TemporaryFile(dir=folder):  # which leaves nothing behind, even if it is killed
+            pass
     except OSError as error:
         raise _cannot_write(folder, error.strerror) from error
     return folder
