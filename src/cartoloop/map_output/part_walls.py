@@ -50,8 +50,8 @@ SHELVES_M = 3.5
 """A shorter wall with an end that meets no wall of the other part may be a row of cupboards, moved,
 and seen through a door [m]."""
 
-THROUGH_CELLS = 3.0
-"""A robot that came as close to a wall drove through it [cells]."""
+THROUGH_M = 0.15
+"""A robot whose path comes as close to a wall drove through it [m]."""
 
 HIDDEN_DEPTH_M, HIDDEN_M2 = 2.0, 8.0
 """A wall behind which the other part saw less than this depth along its length [m], and less than
@@ -161,13 +161,14 @@ def _faults(
     """
     from scipy import ndimage  # heavy, and rarely used
 
-    floor = (seen >= 0.0) & (seen < FLOOR)
+    floor, others = (seen >= 0.0) & (seen < FLOOR), seen > MAYBE_WALL
     contradicted = (walls > WALL) & ndimage.binary_erosion(floor, iterations=1)
-    _clear_near(contradicted, seen > MAYBE_WALL, NEAR_WALL_M / resolution)
+    _clear_near(contradicted, others, NEAR_WALL_M / resolution)
     if not contradicted.any():
         return []
     bridge = max(1, round(BRIDGED_M / resolution))
     pieces, _ = ndimage.label(_grown(contradicted, bridge), structure=np.ones((3, 3)))
+    driven = path[:, ::-1] / resolution - (box.first_row, box.first_col)
     hidden: HiddenFloor | None = None  # hardly any wall comes that far
     faults = []
     for number, (rows, cols) in enumerate(ndimage.find_objects(pieces), start=1):
@@ -181,7 +182,7 @@ def _faults(
             continue
         bend = _bend(places, box, resolution, held)
         reach = (NEAR_WALL_M + bend) / resolution
-        if bend and _is_displaced(seen > MAYBE_WALL, places, reach):
+        if bend and _is_displaced(others, places, reach):
             continue
         if hidden is None:
             hidden = hidden_floor(walls, seen, resolution, bridge)
@@ -191,21 +192,21 @@ def _faults(
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
             closes = (
                 length >= SHELVES_M
-                or _is_driven_through(places, path / resolution - (box.first_col, box.first_row))
-                or meets_walls(walls, seen > MAYBE_WALL, places, reach, resolution)
+                or _is_driven_through(places, driven, THROUGH_M / resolution)
+                or meets_walls(walls, others, places, reach, resolution)
             )
             faults.append(WallFault(x, y, length, area, closes))
     return faults
 
 
-def _is_driven_through(places: IntArray, path: FloatArray) -> bool:
-    """Return whether a path, shape (k, 2), column and row [cells], leads through a wall."""
+def _is_driven_through(places: IntArray, path: FloatArray, reach: float) -> bool:
+    """Return whether a path, shape (k, 2), row and column, comes so close to a wall [cells]."""
     from scipy.spatial import cKDTree
 
     if len(path) == 0:
         return False
-    apart, _ = cKDTree(path[:, ::-1]).query(places)
-    return bool(apart.min() <= THROUGH_CELLS)
+    apart, _ = cKDTree(path).query(places)
+    return bool(apart.min() <= reach)
 
 
 def _clear_near(cells: BoolArray, walls: BoolArray, distance: float) -> None:

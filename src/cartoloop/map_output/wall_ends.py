@@ -99,6 +99,6 @@ def meets_walls(
 def _is_near(cells: BoolArray, place: FloatArray, reach: float) -> bool:
     """Return whether one of the cells is within a distance of a place [cells]."""
     lower = np.maximum(np.floor(place - reach).astype(np.int64), 0)
-    upper = np.ceil(place + reach).astype(np.int64) + 1
+    upper = np.maximum(np.ceil(place + reach).astype(np.int64) + 1, 0)
     near = np.argwhere(cells[lower[0] : upper[0], lower[1] : upper[1]]) + lower
     return bool(len(near)) and float(np.hypot(*(near - place).T).min()) <= reach
