@@ -25,6 +25,7 @@ from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
 from cartoloop.kernels.map_changes import LookLimits, note_look
 from cartoloop.kernels.moved_points import moved_points
+from cartoloop.kernels.order_statistics import distance_quantile
 from cartoloop.lifelong.selection import select
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.localisation.changes.watch import no_looks
@@ -44,18 +45,19 @@ from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_p
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.sensor.slanting_walls import without_hidden
+from cartoloop.sensor.wall_normals import chord_ratio
 from cartoloop.sensor.wall_smoothing import smoothed
 from cartoloop.submaps.probability_grid import (
-    behind_walls,
+    cells_with_walls,
     insert_cells,
     scan_cells,
-    with_joints,
 )
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "smooth", "hide", "isolated", "people", "outline", "thin", "move",
-    "cast rays", "update cells", "insert", "match", "correlative", "wall step",
+    "local SLAM", "filter", "smooth", "hide", "far", "chords", "isolated", "people",
+    "outline", "thin", "move", "cast rays", "update cells", "insert", "match", "correlative",
+    "wall step",
     "finish", "precompute", "mean score", "agree", "shift along a corridor", "fit", "changes",
     "displace", "branch and bound", "match again", "compose map", "fade",
 )  # fmt: skip
@@ -153,7 +155,15 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
         partial(thin, data.returns, thinning), len(data.returns), "points",
     )  # fmt: skip
     yield Workload(
-        "isolated", ("near_neighbours",), case,
+        "far", ("order_statistics",), case,
+        partial(distance_quantile, data.returns, 0.8), len(data.returns), "points",
+    )  # fmt: skip
+    yield Workload(
+        "chords", ("wall_chords",), case,
+        partial(chord_ratio, data.returns, math.inf), len(data.returns), "points",
+    )  # fmt: skip
+    yield Workload(
+        "isolated", ("near_neighbours", "order_statistics"), case,
         partial(without_isolated, data.returns), len(data.returns), "points",
     )  # fmt: skip
     yield Workload(
@@ -188,14 +198,14 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload("update cells", ("grid_update",), case, update, num_cells, "cells")
 
     def insert() -> None:
-        walls = with_joints(returns, config.local_slam.submaps)
-        behind = behind_walls(sensor, returns, config.local_slam.submaps)
-        cells = scan_cells(sensor, walls, misses, resolution, behind)
-        insert_cells(submap.grid, cells, config.local_slam.submaps, origin)
+        submaps = config.local_slam.submaps
+        cells = cells_with_walls(sensor, returns, misses, submaps, are_hidden=True)
+        insert_cells(submap.grid, cells, submaps, origin)
 
     yield Workload(
-        "insert", ("wall_joints", "behind_walls", "ray_casting", "grid_update"), case, insert,
-        rays, "rays",
+        "insert",
+        ("scan_insertion", "wall_joints", "behind_walls", "ray_casting", "grid_update"),
+        case, insert, rays, "rays",
     )  # fmt: skip
 
 

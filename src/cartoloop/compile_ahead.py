@@ -40,6 +40,7 @@ from cartoloop.runtime.process_memory import relax_gc
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.sensor.wall_normals import chord_ratio
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.probability_grid import ProbabilityGrid
@@ -78,6 +79,7 @@ def compile_ahead() -> None:
     shifts_in(grids[0], ScanPoints.of([scans[0]]), _RESOLUTION)
     fits_along(cell_grid(grids[0]), ScanPoints.of([scans[0]]), np.array([[1.0, 0.0]]), np.zeros(1))
     num_changed(scans[0], scans[0][:-1], scans[0][1:])
+    chord_ratio(scans[0], math.inf)
     one = np.zeros(1, dtype=np.int64)
     fitting_shifts(grids[0], scans, np.zeros((1, 3)), one, np.array([[1.0, 0.0]]))
     Claims.of([]).agreement(WideSearchConfig())

@@ -11,22 +11,25 @@ from hypothesis import strategies as st
 
 from cartoloop.kernels.near_neighbours import (
     count_near_neighbours,
-    have_near_neighbour,
     hide_blocked,
+    with_near_neighbour,
 )
 
-NEAR, SLOPE = 0.3, 0.1
+NEAR, SLOPE, SPACINGS = 0.3, 0.1, 0.8
 MIN_RANGE, END_RANGE = 0.2, 8.0
 
 
-def naive_have_near_neighbour(points, order):
+def naive_with_near_neighbour(points):
+    order = sorted(range(len(points)), key=lambda i: math.atan2(points[i][1], points[i][0]))
+    angles = [math.atan2(points[i][1], points[i][0]) for i in order]
+    spacing = float(np.median(np.diff(angles)))
     near = set()
     for k, i in enumerate(order):
-        limit = NEAR + SLOPE * math.hypot(*points[i])
+        limit = NEAR + SPACINGS * spacing * math.hypot(*points[i])
         beside = [order[j] for j in (k - 1, k + 1) if 0 <= j < len(order)]
         if any(math.dist(points[i], points[j]) <= limit for j in beside):
             near.add(i)
-    return [i in near for i in range(len(points))]
+    return points[sorted(near)]
 
 
 def naive_counts(ranges):
@@ -38,13 +41,11 @@ def naive_counts(ranges):
     return counts
 
 
-@given(st.integers(0, 1000), st.integers(1, 60), st.floats(0.2, 5.0))
+@given(st.integers(0, 1000), st.integers(2, 60), st.floats(0.2, 5.0))
 def test_points_are_compared_with_those_beside_them(seed, count, size):
     points = np.random.default_rng(seed).normal(0.0, size, (count, 2))
-    angles = np.arctan2(points[:, 1], points[:, 0])
-    order = np.argsort(angles, kind="stable")
-    near = have_near_neighbour(points, order, NEAR, SLOPE)
-    assert near.tolist() == naive_have_near_neighbour(points, order)
+    near = with_near_neighbour(points, NEAR, SPACINGS)
+    assert np.array_equal(near, naive_with_near_neighbour(points))
 
 
 ranges = st.one_of(st.floats(0.0, 10.0), st.sampled_from([math.nan, math.inf, -1.0, 8.0, 0.2]))

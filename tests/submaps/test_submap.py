@@ -16,10 +16,8 @@ from cartoloop.sensor.range_noise import NO_NOISE, Noise
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
-    behind_walls,
+    cells_with_walls,
     insert_cells,
-    scan_cells,
-    with_joints,
 )
 from cartoloop.submaps.submap import MAX_WEIGHT, ActiveSubmaps
 
@@ -130,9 +128,7 @@ def test_all_submaps_show_the_same_world():
     active.insert(Pose(0.0, 0.0, 0.0), NO_POINTS, NO_POINTS)  # begins the older elsewhere
     insertion = active.insert(sensor, ends, NO_POINTS)
     in_local = ProbabilityGrid(RESOLUTION)
-    walls = with_joints(ends, config_)
-    behind = behind_walls(sensor, ends, config_)
-    cells = scan_cells(sensor, walls, NO_POINTS, RESOLUTION, behind)
+    cells = cells_with_walls(sensor, ends, NO_POINTS, config_, are_hidden=True)
     insert_cells(in_local, cells, config_, weight=MAX_WEIGHT)  # it is far from the first
     expected = in_local.finish()
 

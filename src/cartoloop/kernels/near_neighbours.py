@@ -8,24 +8,31 @@ import math
 import numpy as np
 
 from cartoloop._jit import kernel
-from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.kernels.order_statistics import quantile_of, sort_indices
 
 _MOST = np.iinfo(np.int64).max
 
 
 @kernel
-def have_near_neighbour(
-    points: FloatArray, order: IntArray, near: float, slope: float
-) -> BoolArray:
-    """Return which points have one of the two beside them near, shape (n,).
+def with_near_neighbour(points: FloatArray, near: float, spacings: float) -> FloatArray:
+    """Return the points that have one of the two beside them by angle near, in their order.
 
     Parameters
     ----------
-    points : float64, shape (n, 2), around the sensor [m]; n > 0.
-    order : int64, shape (n,), indices of the points by their angles.
-    near, slope : near are points within the first [m] and the second times the range of the point.
+    points : float64, shape (n, 2), around the sensor [m]; n > 1.
+    near, spacings : near are points within the first [m] and the second times the distance of two
+        neighbouring beams, by their median angle, at the range of the point.
     """
-    count = len(order)
+    count = points.shape[0]
+    angles, order = np.empty(count), np.empty(count, dtype=np.int64)
+    for k in range(count):
+        angles[k] = math.atan2(points[k, 1], points[k, 0])
+    sort_indices(angles, order)
+    steps = np.empty(count - 1)
+    for k in range(count - 1):
+        steps[k] = angles[order[k + 1]] - angles[order[k]]
+    slope = spacings * quantile_of(steps, 0.5)
     is_near = np.zeros(count, dtype=np.bool_)
     before = math.inf
     for k in range(count):
@@ -37,7 +44,13 @@ def have_near_neighbour(
         limit = near + slope * math.sqrt(x * x + y * y)
         is_near[i] = min(before, after) <= limit * limit
         before = after
-    return is_near
+    kept = np.empty((count, 2))
+    num_kept = 0
+    for k in range(count):
+        if is_near[k]:
+            kept[num_kept, 0], kept[num_kept, 1] = points[k, 0], points[k, 1]
+            num_kept += 1
+    return kept[:num_kept].copy()  # a view would keep the memory of all
 
 
 @kernel

@@ -51,8 +51,13 @@ def is_searched(num_lost: int) -> bool:
     at no other heading are mostly of a place that has changed or is new.
     """
     # The first of each pair is by two less than a power of two.
-    first = num_lost - num_lost % 2
+    first = num_lost if _is_first_of_pair(num_lost) else num_lost - 1
     return first > 0 and (first + 2).bit_count() == 1
+
+
+def _is_first_of_pair(num_lost: int) -> bool:
+    """Return whether a lost scan that is searched is the first of two in turn."""
+    return num_lost % 2 == 0
 
 
 class LostHeading:
@@ -80,6 +85,8 @@ class LostHeading:
         best : the match near the prediction.
         num_lost : number of scans by odometry in turn that fit nowhere.
         """
+        if self.tf_found_predicted is None and not _is_first_of_pair(num_lost):
+            return best  # whatever this scan shows, no other one agrees with it
         predicted, (rest, _) = fit.prediction.tf_local_tracking, fit.prediction.fallbacks()
         if math.hypot(predicted.x - rest.x, predicted.y - rest.y) > ON_THE_SPOT_M:
             self.tf_found_predicted = None

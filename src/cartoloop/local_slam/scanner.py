@@ -13,6 +13,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
+from cartoloop.kernels.order_statistics import distance_quantile
 from cartoloop.local_slam.degenerate_direction import degenerate_direction, is_determined
 from cartoloop.local_slam.measured_distance import DistanceMeter
 from cartoloop.local_slam.motion_filter import MotionFilter
@@ -28,7 +29,6 @@ from cartoloop.local_slam.scan_matcher import ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.events import LaserScan, PointCloud
-from cartoloop.sensor.median import quantile
 from cartoloop.sensor.range_noise import NO_NOISE, Noise
 from cartoloop.sensor.wall_normals import normal_ratio
 
@@ -65,7 +65,7 @@ class Scanner:
         """Return the noise at a quantile of the ranges of returns, shape (n, 2) [m]; 0 if small."""
         if self.noise == NO_NOISE or not len(returns):
             return 0.0
-        typical = quantile(np.hypot(returns[:, 0], returns[:, 1]), share)
+        typical = distance_quantile(returns, share)
         return math.hypot(self.noise.constant, self.noise.share * typical)
 
     def change_since(self, time: float) -> float:

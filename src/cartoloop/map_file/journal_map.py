@@ -40,12 +40,7 @@ from cartoloop.sensor.pose import (
 from cartoloop.session import whole_map
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import information_in_begun
-from cartoloop.submaps.probability_grid import (
-    ProbabilityGrid,
-    insert_cells,
-    scan_cells,
-    with_joints,
-)
+from cartoloop.submaps.probability_grid import ProbabilityGrid, cells_with_walls, insert_cells
 
 OpenBase = Callable[[Path], MapData]
 """Opens the map that a run adds a session to."""
@@ -221,7 +216,7 @@ def _unfinished(index: int, collected: JournalRecords, config: SubmapConfig) -> 
         x, y = node.origin.tolist()
         points = transform_points(pose, node.points)
         tf_local_sensor = compose(pose, Pose(x, y, 0.0))
-        cells = scan_cells(tf_local_sensor, with_joints(points, config), nothing, r)
+        cells = cells_with_walls(tf_local_sensor, points, nothing, config, are_hidden=False)
         before = grid.cells.size
         insert_cells(grid, cells, config, lattice)
         collected.count_cells(grid.cells.size - before)

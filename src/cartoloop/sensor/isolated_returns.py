@@ -7,11 +7,8 @@ all, while the walls that its scans share are thinned.
 
 from __future__ import annotations
 
-import numpy as np
-
 from cartoloop.arrays import FloatArray
-from cartoloop.kernels.near_neighbours import have_near_neighbour
-from cartoloop.sensor.median import median
+from cartoloop.kernels.near_neighbours import with_near_neighbour
 
 NEAR_M, NEAR_SPACINGS = 0.3, 6.0
 """A neighbour is near within the first distance [m] and this many times the distance of two beams
@@ -30,10 +27,4 @@ def without_isolated(returns: FloatArray) -> FloatArray:
     """
     if len(returns) < MIN_RETURNS:
         return returns
-    angles = np.arctan2(returns[:, 1], returns[:, 0])
-    order = np.argsort(angles, kind="stable")
-    by_angle = angles[order]
-    spacing = median(by_angle[1:] - by_angle[:-1])
-    is_near = have_near_neighbour(returns, order, NEAR_M, NEAR_SPACINGS * spacing)
-    kept: FloatArray = returns[is_near]
-    return kept
+    return with_near_neighbour(returns, NEAR_M, NEAR_SPACINGS)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.sensor.median import median, quantile
 from cartoloop.sensor.ordered_times import (
     late_bursts,
     longest_ordered,
@@ -264,7 +265,7 @@ def _lasting_gaps(stamps: FloatArray, period: float) -> list[int]:
     gaps: list[int] = []
     for after in (np.flatnonzero(np.diff(stamps) > limit) + 1).tolist():
         first = max(after - SHOWN_BY, gaps[-1] if gaps else 0)
-        shift = np.quantile(late[after : after + SHOWN_BY], 0.25) - np.median(late[first:after])
+        shift = quantile(late[after : after + SHOWN_BY], 0.25) - median(late[first:after])
         if min(after - first, len(stamps) - after) >= SHOWN_BY and shift > limit:
             gaps.append(after)
     return gaps
@@ -280,7 +281,7 @@ def _even_times(stamps: FloatArray) -> FloatArray:
         rise = np.median(stamps[last]) - np.median(stamps[first])
         slope = rise / (last.mean() - first.mean())
     residuals = stamps - slope * index
-    medians = [float(np.median(residuals[block])) for block in blocks]
+    medians = [median(residuals[block]) for block in blocks]
     centres = [float(block.mean()) for block in blocks]
     even: FloatArray = slope * index + np.interp(index, centres, medians)
     return even

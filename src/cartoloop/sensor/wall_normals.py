@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.kernels.wall_chords import chord_ends
 
 CORRIDOR_RATIO = 0.1
 """Information along a corridor over that across, by the normals of walls: below it a twentieth of
@@ -37,25 +38,14 @@ def normal_ratio(points: FloatArray, max_range: float) -> float:
 def chord_ratio(points: FloatArray, max_range: float) -> float:
     """Return the same by chords of :data:`CHORD_M` along walls, which noise hardly turns.
 
-    It takes ten times as long, and chords cut off what stands out from a wall.
+    They cut off what stands out from a wall.
 
     Parameters
     ----------
     points, max_range : as for :func:`normal_ratio`.
     """
     returns = _in_order(points, max_range)
-    count = len(returns)
-    is_joined = np.hypot(*np.diff(returns, axis=0).T) < MAX_GAP_M
-    ends = np.zeros(count, dtype=np.int64)
-    begins = np.arange(count)  # of chords without an end yet, and without a gap
-    for reach in range(1, min(MAX_CHORD_RETURNS, count)):
-        begins = begins[begins < count - reach]
-        begins = begins[is_joined[begins + reach - 1]]
-        is_long = np.hypot(*(returns[begins + reach] - returns[begins]).T) >= CHORD_M
-        ends[begins[is_long]] = begins[is_long] + reach
-        begins = begins[~is_long]
-        if len(begins) == 0:
-            break
+    ends = chord_ends(returns, CHORD_M, MAX_CHORD_RETURNS, MAX_GAP_M)
     begins = np.flatnonzero(ends)
     chords = returns[ends[begins]] - returns[begins]
     return _ratio(chords, np.hypot(chords[:, 0], chords[:, 1]))

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from cartoloop.arrays import CellArray, FloatArray
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import InputError
-from cartoloop.kernels import ray_casting
-from cartoloop.kernels.behind_walls import points_behind_walls
+from cartoloop.kernels import ray_casting, scan_insertion
 from cartoloop.kernels.cell_values import known_box
 from cartoloop.kernels.grid_update import update_cells
-from cartoloop.kernels.wall_joints import wall_joints
 from cartoloop.runtime.reused_memory import ReusedMemory
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import (
@@ -172,12 +170,7 @@ class ScanCells(NamedTuple):
 
 
 def scan_cells(
-    tf_grid_sensor: Pose,
-    returns: FloatArray,
-    misses: FloatArray,
-    resolution: float,
-    behind: FloatArray = NO_POINTS,
-    uncertain: tuple[float, float] = (0.0, 0.0),
+    tf_grid_sensor: Pose, returns: FloatArray, misses: FloatArray, resolution: float
 ) -> ScanCells:
     """Return the hit and miss sets of a scan.
 
@@ -186,9 +179,6 @@ def scan_cells(
     tf_grid_sensor : start of the rays.
     returns, misses : float64, shapes (n, 2), (k, 2), ends of the rays [m, grid frame].
     resolution : pixel edge r [m].
-    behind : float64, shape (m, 2), points just behind walls [m, grid frame].
-    uncertain : so much of a ray in front of its return is not known to be free, since the range may
-        be too long: a length [m] and a share of the ray, their squares added.
 
     Raises
     ------
@@ -197,31 +187,26 @@ def scan_cells(
     """
     x, y, _ = tf_grid_sensor
     cells = ScanCells(
-        *ray_casting.scan_cells(x, y, returns, misses, behind, resolution, *uncertain)
+        *ray_casting.scan_cells(x, y, returns, misses, NO_POINTS, resolution, 0.0, 0.0)
     )
     _check_extent(*cells[3:], resolution)
     return cells
 
 
-def with_joints(returns: FloatArray, config: SubmapConfig) -> FloatArray:
-    """Return returns, and points on straight walls between those of neighbouring beams.
+def cells_with_walls(
+    tf_grid_sensor: Pose,
+    returns: FloatArray,
+    misses: FloatArray,
+    config: SubmapConfig,
+    uncertain: tuple[float, float] = (0.0, 0.0),
+    *,
+    are_hidden: bool,
+) -> ScanCells:
+    """Return the hit and miss sets of a scan, with its straight walls, and what these hide.
 
     The beams of a coarse scanner leave gaps of several cells in a wall. The next scan, from another
-    angle, hits the wall in these, and would find nothing there to match.
-
-    Parameters
-    ----------
-    returns : float64, shape (n, 2), in the order of the beams [m].
-    """
-    if config.max_return_gap <= 0.0:
-        return returns
-    straightness = math.cos(math.radians(config.max_wall_bend_deg))
-    joints = wall_joints(returns, config.max_return_gap, straightness, config.resolution)
-    return np.concatenate((returns, joints))
-
-
-def behind_walls(tf_grid_sensor: Pose, returns: FloatArray, config: SubmapConfig) -> FloatArray:
-    """Return points one pixel behind the straight walls that returns lie on.
+    angle, hits the wall in these, and would find nothing there to match: points between the returns
+    of neighbouring beams count as returns.
 
     A cell just in front of a wall is hit by some returns, because of their noise, and missed by all
     others. One just behind it would be hit by some, and missed by none, so that the wall would
@@ -230,17 +215,34 @@ def behind_walls(tf_grid_sensor: Pose, returns: FloatArray, config: SubmapConfig
 
     Parameters
     ----------
-    tf_grid_sensor : start of the rays.
-    returns : float64, shape (n, 2), in the order of the beams [m, grid frame].
+    tf_grid_sensor, returns, misses : as for :func:`scan_cells`, the returns in the order of the
+        beams.
+    uncertain : so much of a ray in front of its return is not known to be free, since the range may
+        be too long: a length [m] and a share of the ray, their squares added.
+    are_hidden : whether what walls hide counts.
+
+    Raises
+    ------
+    InputError
+        As for :func:`scan_cells`.
     """
-    return points_behind_walls(
-        tf_grid_sensor.x,
-        tf_grid_sensor.y,
-        returns,
-        WALL_REACH_M,
-        WALL_STRAIGHTNESS,
-        config.resolution,
+    x, y, _ = tf_grid_sensor
+    cells = ScanCells(
+        *scan_insertion.cells_with_walls(
+            x,
+            y,
+            returns,
+            misses,
+            config.resolution,
+            config.max_return_gap,
+            math.cos(math.radians(config.max_wall_bend_deg)),
+            WALL_REACH_M if are_hidden else 0.0,
+            WALL_STRAIGHTNESS,
+            *uncertain,
+        )
     )
+    _check_extent(*cells[3:], config.resolution)
+    return cells
 
 
 def insert_cells(

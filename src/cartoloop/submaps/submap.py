@@ -12,13 +12,10 @@ from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.range_noise import NO_NOISE, Noise
 from cartoloop.submaps.probability_grid import (
-    NO_POINTS,
     ProbabilityGrid,
     ScanCells,
-    behind_walls,
+    cells_with_walls,
     insert_cells,
-    scan_cells,
-    with_joints,
 )
 
 SPARSE_STEP_M = 0.5
@@ -179,14 +176,14 @@ class ActiveSubmaps:
         is_dense: bool,
     ) -> ScanCells:
         """Return the cells of a scan, those behind its walls among them where scans are dense."""
-        config = self._config
-        behind, uncertain = NO_POINTS, (0.0, 0.0)
-        if is_dense:
-            behind = behind_walls(tf_local_sensor, returns_local, config)
-            uncertain = UNCERTAIN_SIGMAS * noise.constant, UNCERTAIN_SIGMAS * noise.share
-        returns = with_joints(returns_local, config)
-        return scan_cells(
-            tf_local_sensor, returns, misses_local, config.resolution, behind, uncertain
+        uncertain = UNCERTAIN_SIGMAS * noise.constant, UNCERTAIN_SIGMAS * noise.share
+        return cells_with_walls(
+            tf_local_sensor,
+            returns_local,
+            misses_local,
+            self._config,
+            uncertain if is_dense else (0.0, 0.0),
+            are_hidden=is_dense,
         )
 
     def _is_half_full(self, submap: Submap) -> bool:
