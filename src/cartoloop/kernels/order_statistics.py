@@ -54,10 +54,10 @@ def quantile_of(values: FloatArray, share: float) -> float:
     """
     place = share * (values.shape[0] - 1)
     below = int(place)
-    low: float = select(values, below)
+    low = select(values, below)
     weight = place - below
     if weight == 0.0:
-        return low
+        return float(low)
     high = math.inf
     for k in range(below + 1, values.shape[0]):
         high = min(high, values[k])
