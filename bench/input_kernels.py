@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Workloads of reading, of deskewing and projecting scans, and of simulating them."""
+"""Workloads of reading, calibrating, deskewing and projecting, and of simulating scans."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from bench.record import Case
 from bench.workload import Workload
 from cartoloop.arrays import FloatArray
 from cartoloop.config import SensorConfig
+from cartoloop.kernels.turn_errors import prediction_errors
+from cartoloop.local_slam.clock_offset import ERRORS, clock_offset
 from cartoloop.readers.carmen_lines import read_scan_line
 from cartoloop.readers.ros.raw_messages import decode_multi_echo
 from cartoloop.sensor.events import LaserScan, PointCloud
@@ -26,7 +28,7 @@ from cartoloop.simulation.rig import MountedLidar, sweep_ranges
 
 INPUT_KERNELS = (
     "read scan line", "read echoes", "filter in motion", "filter a cloud", "simulate a scan",
-    "simulate a cloud", "pack",
+    "simulate a cloud", "pack", "clock offset", "veer",
 )  # fmt: skip
 
 RINGS_DEG = np.arange(-15.0, 16.0, 2.0)
@@ -69,6 +71,8 @@ def input_workloads() -> Iterator[Workload]:
         partial(decode_multi_echo, echoes, is_ros1=True), beams, "beams",
     )  # fmt: skip
 
+    yield from _calibration_workloads(case)
+
     scanner = MountedLidar(lidar, sweep=SWEEP_S, pitch=0.05)
     turning = SweepMotion(0.0, SWEEP_S, np.array([(0.0,) * 5, (0.02, 0.0, 0.01, 0.01, 0.02)]))
     range_filter = RangeFilter(SensorConfig())
@@ -89,6 +93,24 @@ def input_workloads() -> Iterator[Workload]:
     yield Workload(
         "filter a cloud", ("cloud_projection", "voxel_filter"), case,
         partial(range_filter.apply, cloud, turning), len(points), "points",
+    )  # fmt: skip
+
+
+def _calibration_workloads(case: Case) -> Iterator[Workload]:
+    """Yield the search for the clock offset of odometry, and the fit of its veer."""
+    rng = np.random.default_rng(0)
+    times, heading = 0.2 * np.arange(500.0), np.cumsum(rng.normal(0.0, 0.05, 500))
+    turns, turning = np.diff(heading), np.ones(499, dtype=np.bool_)
+    yield Workload(
+        "clock offset", ("turn_errors",), case,
+        partial(clock_offset, times, turns, turning, times + 0.14, heading), len(turns), "turns",
+    )  # fmt: skip
+    terms = rng.normal(0.0, 1.0, (100, 4))
+    turned = terms @ np.array((0.0, 0.02, 0.01, 0.01)) + 0.01 * rng.standard_normal(100)
+    priors = np.zeros(4), np.full(4, 0.05)
+    yield Workload(
+        "veer", ("turn_errors",), case,
+        partial(prediction_errors, turned, terms, *priors, ERRORS[:], 4), len(turned), "stretches",
     )  # fmt: skip
 
 

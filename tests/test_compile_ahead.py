@@ -99,6 +99,7 @@ LOCAL_SLAM = {
     "scan_residuals",
     "slanting_walls",
     "sweep_projection",
+    "turn_errors",
     "voxel_filter",
     "wall_joints",
     "wall_smoothing",

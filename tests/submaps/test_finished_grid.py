@@ -13,6 +13,7 @@ from cartoloop.submaps.finished_grid import (
     MIN_PROBABILITY,
     PROBABILITY_STEP,
     FinishedGrid,
+    kept_cells,
     mean_probability,
     mean_value,
     quantize_probabilities,
@@ -74,3 +75,20 @@ def test_scores_and_mean_values_are_inverse(score):
 def test_no_score_is_negative():
     assert mean_probability(0.0) >= 0.0
     assert mean_probability(-1e3) == 0.0
+
+
+def test_cells_are_kept_as_far_as_memory_allows():
+    rng = np.random.default_rng(3)
+    values = [rng.integers(0, 256, (20, 30)).astype(np.uint8) for _ in range(3)]
+    grids = [FinishedGrid(cells, 0.0, 0.0, 0.05) for cells in values]
+    with kept_cells(grids, max_bytes=2 * 600):
+        assert [grid.cells is grid.cells for grid in grids] == [True, True, False]
+        assert all(np.array_equal(g.cells, cells) for g, cells in zip(grids, values, strict=True))
+    assert not any(grid.cells is grid.cells for grid in grids)
+
+
+def test_cells_are_not_kept_after_an_error():
+    grid = FinishedGrid(np.ones((2, 2), dtype=np.uint8), 0.0, 0.0, 0.05)
+    with pytest.raises(RuntimeError), kept_cells([grid]):
+        raise RuntimeError
+    assert grid.cells is not grid.cells

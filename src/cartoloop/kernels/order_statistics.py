@@ -52,12 +52,12 @@ def quantile_of(values: FloatArray, share: float) -> float:
     values : float64, shape (n,), n > 0; reordered.
     share : of the numbers that are smaller, 0 to 1.
     """
-    place = share * (values.shape[0] - 1)
+    place: float = share * (values.shape[0] - 1)
     below = int(place)
     low = select(values, below)
     weight = place - below
     if weight == 0.0:
-        return float(low)
+        return low
     high = math.inf
     for k in range(below + 1, values.shape[0]):
         high = min(high, values[k])

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.kernels import turn_errors
+from cartoloop.kernels.turn_errors import ErrorModel, mean_turn_errors
 from cartoloop.local_slam.odometry_pace import MAX_PERIOD_S
 
 OFFSETS_S: FloatArray = np.arange(-60.0, 61.0) * 0.02
@@ -30,6 +32,9 @@ MIN_ERROR_RAD = 1e-6
 
 FREEDOM, SCALE_ROUNDS = 4.0, 10
 """Degrees of freedom of the errors' distribution; rounds in which its scale is found."""
+
+ERRORS = ErrorModel(FREEDOM, MIN_ERROR_RAD, SCALE_ROUNDS)
+"""The distribution of the errors of turns."""
 
 FIRST_ESTIMATE = 50
 """Number of scans before the first estimate of a calibration: some ten seconds."""
@@ -85,11 +90,10 @@ def clock_offset(
     def reported(offset: float) -> FloatArray:
         return np.diff(np.interp(times - offset, reading_times, heading))
 
-    turned, ends = turns[turning], np.stack((times[:-1][turning], times[1:][turning]))
-    costs = np.empty(len(OFFSETS_S))
-    for row, tried in enumerate(OFFSETS_S.tolist()):
-        begin, end = np.interp(ends - tried, reading_times, heading)
-        costs[row] = np.abs(turned - (end - begin)).mean()
+    turned = turns[turning]
+    costs = mean_turn_errors(
+        times[:-1][turning], times[1:][turning], turned, OFFSETS_S, reading_times, heading
+    )
     best = int(np.argmin(costs))
     if costs[best] > max_unexplained * np.abs(turned).mean():
         return None
@@ -163,14 +167,12 @@ def log_likelihood(errors: FloatArray) -> float:
     """Return that of errors with Student's distribution of unknown scale, up to a constant.
 
     Its tails are long: a few wrong matches do not decide.
+
+    Parameters
+    ----------
+    errors : float64, shape (n,) [rad].
     """
-    squares = errors**2 + MIN_ERROR_RAD**2
-    scale = float(squares.mean())
-    for _ in range(SCALE_ROUNDS):
-        weights = (FREEDOM + 1.0) / (FREEDOM + squares / scale)
-        scale = float((weights * squares).mean())
-    spread = float(np.log1p(squares / (FREEDOM * scale)).sum())
-    return -0.5 * (len(errors) * math.log(scale) + (FREEDOM + 1.0) * spread)
+    return turn_errors.log_likelihood(errors, *ERRORS)
 
 
 def typical_spacing(times: FloatArray, reading_times: FloatArray) -> float:

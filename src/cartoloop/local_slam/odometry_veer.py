@@ -17,13 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
-from cartoloop.local_slam.clock_offset import (
-    FREEDOM,
-    MIN_ERROR_RAD,
-    MIN_LOG_ODDS,
-    SCALE_ROUNDS,
-    log_likelihood,
-)
+from cartoloop.kernels.turn_errors import fit_coefficients, prediction_errors
+from cartoloop.local_slam.clock_offset import ERRORS, MIN_LOG_ODDS, log_likelihood
 from cartoloop.local_slam.matched_scans import MatchedScans
 from cartoloop.local_slam.odometry_readings import are_measured
 from cartoloop.sensor.pose import Pose, quick_pose, relative_all
@@ -173,13 +168,7 @@ def _stretches(columns: FloatArray, lengths: FloatArray, is_used: BoolArray) -> 
 
 def _prediction_errors(turned: FloatArray, terms: FloatArray, before: FloatArray) -> FloatArray:
     """Return the error of each stretch, predicted from the parts of the drive that it is not in."""
-    part = np.arange(len(turned)) * NUM_PARTS // len(turned)
-    errors = np.empty_like(turned)
-    for number in range(NUM_PARTS):
-        held = part == number
-        solution = _fit(turned[~held], terms[~held], before)
-        errors[held] = turned[held] - terms[held] @ solution
-    return errors
+    return prediction_errors(turned, terms, before, _sigmas(before), ERRORS[:], NUM_PARTS)
 
 
 def _fit(turned: FloatArray, terms: FloatArray, before: FloatArray) -> FloatArray:
@@ -190,16 +179,11 @@ def _fit(turned: FloatArray, terms: FloatArray, before: FloatArray) -> FloatArra
     turned, terms : shapes (n,), (n, k): to be explained, and by what; the first column is a scale.
     before : shape (k,), the coefficients that were accepted before; 0 for none.
     """
+    return fit_coefficients(turned, terms, before, _sigmas(before), ERRORS[:])
+
+
+def _sigmas(before: FloatArray) -> FloatArray:
+    """Return the standard deviations of the coefficients' priors, shape (k,)."""
     sigmas = np.where(before == 0.0, VEER_PRIOR, KNOWN_PRIOR)
     sigmas[0] = SCALE_PRIOR
-    prior: FloatArray = np.diag(sigmas**-2)
-    solution = before
-    scale = float(np.mean((turned - terms @ before) ** 2)) + MIN_ERROR_RAD**2
-    for _ in range(SCALE_ROUNDS):
-        squares = (turned - terms @ solution) ** 2 + MIN_ERROR_RAD**2
-        weights = (FREEDOM + 1.0) / (FREEDOM + squares / scale)
-        scale = float((weights * squares).mean())
-        normal = (terms.T * weights) @ terms + scale * prior
-        right = terms.T @ (weights * turned) + scale * (prior @ before)
-        solution = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
-    return solution
+    return sigmas

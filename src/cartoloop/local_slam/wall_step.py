@@ -20,8 +20,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
 from cartoloop.local_slam.match_records import WallMemory
@@ -45,6 +43,9 @@ _NEIGHBOUR = 1.5
 _FASTER = 2.0
 """Evidence of a velocity counts for velocities up to this many times as high."""
 
+_NOTHING = (0.0, 0.0)
+"""No velocity [m/s], and no distance [m]."""
+
 
 class WallStep:
     """Compares each scan of a scanner with one before.
@@ -60,28 +61,24 @@ class WallStep:
     def __init__(self, config: WallStepConfig) -> None:
         self._config = config
         self._last: EarlierScan | None = None
-        self._evidence, self._side, self._missed = 0.0, np.zeros(2), np.zeros(2)
+        self._evidence, self._side, self._missed = 0.0, _NOTHING, _NOTHING
         self._is_due = True
         self._moved_at = -math.inf
 
     @property
     def memory(self) -> WallMemory:
         """What it remembers from scan to scan, besides the scan."""
-        (side_x, side_y), (missed_x, missed_y) = self._side.tolist(), self._missed.tolist()
-        return WallMemory(
-            self._evidence, side_x, side_y, missed_x, missed_y, self._is_due, self._moved_at
-        )
+        return WallMemory(self._evidence, *self._side, *self._missed, self._is_due, self._moved_at)
 
     @memory.setter
     def memory(self, memory: WallMemory) -> None:
-        self._evidence, *places, self._is_due, self._moved_at = memory
-        self._side, self._missed = np.array(places[:2]), np.array(places[2:])
+        self._evidence, side_x, side_y, missed_x, missed_y, self._is_due, self._moved_at = memory
+        self._side, self._missed = (side_x, side_y), (missed_x, missed_y)
 
     @property
     def missed_velocity(self) -> tuple[float, float]:
         """What the latest comparison adds to the velocity of the match [m/s], local frame."""
-        x, y = self._side.tolist()
-        return x, y
+        return self._side
 
     def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
@@ -163,7 +160,7 @@ class WallStep:
         missed = self._missed_until(found, time - last.time, by_odometry, is_contradicted)
         if missed is None:
             return None
-        x, y = missed.tolist()
+        x, y = missed
         return Pose(pose.x + x, pose.y + y, pose.theta)
 
     def _is_contradicted(self, found: Comparison, num_returns: int, max_loss_share: float) -> bool:
@@ -181,19 +178,21 @@ class WallStep:
 
     def _missed_until(
         self, found: Comparison, duration: float, by_odometry: bool, is_contradicted: bool
-    ) -> FloatArray | None:
+    ) -> tuple[float, float] | None:
         """Add up the evidence for another step; return what was missed [m] if it is enough.
 
         With odometry, each comparison begins where the one before ended, and their steps add up.
         Without, it is evidence for other steps of about that velocity, in that direction.
         """
         config, apart = self._config, found.apart
-        side = apart / duration * found.along
-        longest = _FASTER * float(np.hypot(*self._side)) * duration + config.max_distance
-        is_opposite = float(side @ self._side) < 0.0
+        along_x, along_y = found.along.tolist()
+        speed, (before_x, before_y) = apart / duration, self._side
+        side_x, side_y = speed * along_x, speed * along_y
+        longest = _FASTER * math.hypot(before_x, before_y) * duration + config.max_distance
+        is_opposite = side_x * before_x + side_y * before_y < 0.0
         if is_opposite or (not by_odometry and abs(apart) > longest):
             self._forget()
-        self._side = side
+        self._side = side_x, side_y
         if is_contradicted or (by_odometry and abs(apart) < config.min_odometry_error):
             self._forget()
             return None
@@ -202,17 +201,19 @@ class WallStep:
         if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
-        step = found.correction(config.step) * found.along
-        missed = self._missed + step if by_odometry else step
+        step, (missed_x, missed_y) = found.correction(config.step), self._missed
+        missed = step * along_x, step * along_y
+        if by_odometry:
+            missed = missed_x + missed[0], missed_y + missed[1]
         is_proven = self._evidence >= (
             config.min_odometry_evidence if by_odometry else config.min_evidence
         )
-        self._missed = np.zeros(2) if is_proven else missed
+        self._missed = _NOTHING if is_proven else missed
         return missed if is_proven else None
 
     def _forget(self) -> None:
         """Drop the evidence so far."""
-        self._evidence, self._missed = 0.0, np.zeros(2)
+        self._evidence, self._missed = 0.0, _NOTHING
 
     def _overlap(self, last: Pose, pose: Pose) -> bool:
         """Return whether two scans overlap enough to contradict wheels."""

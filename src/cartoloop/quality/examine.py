@@ -31,6 +31,7 @@ from cartoloop.quality.visits import Visits, compare_visits
 from cartoloop.quality.walls import wall_offsets
 from cartoloop.quality.weak_closures import weak_bundles
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.finished_grid import kept_cells
 
 MIN_NODES = 3
 """With fewer nodes there is nothing to compare."""
@@ -54,6 +55,14 @@ def examine(
     """
     if not config.enabled or content.graph.num_nodes < MIN_NODES or len(content.node_points) == 0:
         return Quality()
+    with kept_cells(content.submap_grids):
+        return _examined(content, config, odometry)
+
+
+def _examined(
+    content: MappedContent, config: QualityConfig, odometry: Mapping[str, Any] | None
+) -> Quality:
+    """Return what speaks against a map that is large enough to be examined."""
     scans = scans_of(content)
     visits = compare_visits(content, scans, config)
     met, seen, consecutive, paths = visits

@@ -225,12 +225,11 @@ def _pairs_of(
     if comparable is not None:
         is_candidate &= comparable
     nodes = np.flatnonzero(is_candidate)
-    apart = np.hypot(
-        poses[nodes, 0, np.newaxis] - places[:, 0], poses[nodes, 1, np.newaxis] - places[:, 1]
-    )
-    nearest = apart.argmin(axis=1) if len(nodes) else np.zeros(0, np.int64)
+    squared = (poses[nodes, 0, np.newaxis] - places[:, 0]) ** 2
+    squared += (poses[nodes, 1, np.newaxis] - places[:, 1]) ** 2
+    nearest = squared.argmin(axis=1) if len(nodes) else np.zeros(0, np.int64)
     path = np.where(nodes < first, paths[first] - paths[nodes], paths[nodes] - paths[last])
-    distance = apart[np.arange(len(nodes)), nearest]
+    distance = np.hypot(*(poses[nodes, :2] - places[nearest]).T)
     rows = distance < reach.of(path)
     nodes, nearest, path, distance = nodes[rows], nearest[rows], path[rows], distance[rows]
     tf_submap_node = compose_all(

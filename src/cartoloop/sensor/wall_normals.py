@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cartoloop.arrays import FloatArray
@@ -63,5 +65,6 @@ def _ratio(edges: FloatArray, lengths: FloatArray) -> float:
     if len(edges) < MIN_EDGES:
         return 1.0
     directions = edges / lengths[:, np.newaxis]
-    low, high = np.linalg.eigvalsh(directions.T @ directions)
-    return float(low / high)
+    (xx, xy), (_, yy) = (directions.T @ directions).tolist()
+    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    return float(max(mean - half, 0.0) / (mean + half))

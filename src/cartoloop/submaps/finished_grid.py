@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,9 @@ PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / MAX_STEPS
 MAX_CELLS = 2**27
 """Of one submap: a square of 500 m at 0.05 m; more is no submap but a damaged file."""
 
+MAX_KEPT_BYTES = 64 << 20
+"""Cells that are kept decompressed, one byte each: those of some hundred submaps of rooms."""
+
 _ZLIB_HEADER, _ZLIB_CHECKSUM = 2, 4
 """Before and after the compressed data of a zlib stream (RFC 1950) [bytes]."""
 
@@ -44,12 +49,13 @@ class FinishedGrid:
     resolution : pixel edge r [m].
     """
 
-    __slots__ = ("_packed", "origin_x", "origin_y", "resolution", "shape")
+    __slots__ = ("_kept", "_packed", "origin_x", "origin_y", "resolution", "shape")
 
     def __init__(
         self, cells: ByteArray, origin_x: float, origin_y: float, resolution: float
     ) -> None:
         self._packed = zlib.compress(cells.tobytes(), level=1)
+        self._kept: ByteArray | None = None
         self.shape: tuple[int, int] = (cells.shape[0], cells.shape[1])
         self.origin_x = origin_x
         self.origin_y = origin_y
@@ -90,7 +96,7 @@ class FinishedGrid:
         if len(stream.decompress(packed, size + 1)) != size or not stream.eof:
             raise ValueError("a compressed field is too short or too long")
         grid = cls.__new__(cls)
-        grid._packed, grid.shape = packed, shape
+        grid._packed, grid._kept, grid.shape = packed, None, shape
         grid.origin_x, grid.origin_y, grid.resolution = origin_x, origin_y, resolution
         return grid
 
@@ -106,7 +112,12 @@ class FinishedGrid:
 
     @property
     def cells(self) -> ByteArray:
-        """The values of the cells; decompressed on each access, 1 ms for a million or two."""
+        """The values of the cells; decompressed on each access, 1 ms for a million or two.
+
+        Not within :func:`kept_cells`.
+        """
+        if self._kept is not None:
+            return self._kept
         # Without the checksum at the end, which was compared when the cells came from a file.
         stream = memoryview(self._packed)[_ZLIB_HEADER:-_ZLIB_CHECKSUM]
         cells = zlib.decompress(stream, wbits=-zlib.MAX_WBITS, bufsize=max(self.size, 1))
@@ -115,6 +126,30 @@ class FinishedGrid:
     def probabilities(self) -> NDArray[np.float32]:
         """Return the probability of each cell, float32 like `cells`; 0 where never observed."""
         return probabilities_of_part(self.cells, 0, 0, self.shape)
+
+
+@contextmanager
+def kept_cells(grids: Sequence[FinishedGrid], max_bytes: int = MAX_KEPT_BYTES) -> Iterator[None]:
+    """Keep the cells of grids that are read several times, as many as there is memory for.
+
+    Parameters
+    ----------
+    grids : those from the first one on.
+    max_bytes : of all that are kept.
+    """
+    kept: list[FinishedGrid] = []
+    num_bytes = 0
+    try:
+        for grid in grids:
+            num_bytes += grid.size
+            if num_bytes > max_bytes:
+                break
+            grid._kept = grid.cells
+            kept.append(grid)
+        yield
+    finally:
+        for grid in kept:
+            grid._kept = None
 
 
 def quantize_probabilities(probabilities: NDArray[np.float32]) -> ByteArray:
