@@ -22,6 +22,7 @@ from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_
 from cartoloop.global_slam.submap_paths import SubmapPaths
 from cartoloop.kernels.csv_rows import MAX_DIGITS, write_rows
 from cartoloop.kernels.due_pairs import NodePlace, PairRule, pairs_of_node
+from cartoloop.kernels.wide_windows import WindowRule, drift_windows
 from cartoloop.pose_adjustment import Loss
 from cartoloop.sensor.pose import compose_all
 
@@ -36,6 +37,7 @@ GRAPH_KERNELS = (
     "chordal start",
     "shortest paths",
     "pairs",
+    "windows",
     "claims",
     "write rows",
 )
@@ -67,6 +69,7 @@ def graph_workloads() -> Iterator[Workload]:
         )  # fmt: skip
     yield _shortest_paths_workload()
     yield _pairs_workload()
+    yield _windows_workload()
     yield _claims_workload()
     yield _csv_workload()
 
@@ -118,6 +121,21 @@ def _pairs_workload() -> Workload:
     )  # fmt: skip
     case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
     return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")
+
+
+def _windows_workload() -> Workload:
+    """Return where the drift may place a node in the submaps of the larger graph."""
+    _, submaps, _ = GRAPHS[-1]
+    rng = np.random.default_rng(0)
+    poses = rng.uniform(-50.0, 50.0, (submaps, 3))
+    boxes = np.tile((-15.0, -15.0, 15.0, 15.0), (submaps, 1))
+    drift = np.tile(np.diag((4.0, 4.0, 0.01)), (submaps, 1, 1))
+    find = partial(
+        drift_windows, np.arange(submaps), drift, (0.0, 0.0, 0.0), poses, boxes,
+        WindowRule(3.0, 0.5, 0.1, 0.04, 0.002)[:], np.empty((submaps, 6)),
+    )  # fmt: skip
+    case: Case = {"input": f"{submaps} submaps"}
+    return Workload("windows", ("wide_windows",), case, find, submaps, "submaps")
 
 
 def _claims_workload() -> Workload:

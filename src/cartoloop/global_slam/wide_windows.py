@@ -14,7 +14,7 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.submap_paths import FAR_M, SubmapPaths
 from cartoloop.kernels.due_pairs import NodePlace
-from cartoloop.sensor.pose import relative_all
+from cartoloop.kernels.wide_windows import WindowRule, drift_windows
 
 
 class Reach(NamedTuple):
@@ -81,23 +81,43 @@ def wide_reach(
     least = wide.min_path_length if min_path_length is None else min_path_length
     far = np.flatnonzero((lengths >= least) & (lengths < FAR_M))
     if len(far) == 0:
-        return Reach(far, np.zeros((0, 3)), np.zeros(0), np.zeros(0))
-    drift = paths.drift_from(anchor, submap_poses[:, :2])[far]
-    sigma_m, sigma_rad = _sigmas(config, drift, place, submap_poses[far], step)
-    linear = config.min_linear_search_window + wide.num_sigmas * sigma_m
-    angular = math.radians(config.min_angular_search_window_deg) + wide.num_sigmas * sigma_rad
-    expected = relative_all(submap_poses[far], np.array((place.x, place.y, place.theta)))
-    low, high = boxes[far, :2], boxes[far, 2:]
-    outside = np.maximum(np.maximum(low - expected[:, :2], expected[:, :2] - high), 0.0)
-    in_reach = np.flatnonzero(np.hypot(outside[:, 0], outside[:, 1]) <= linear)
-    centre = expected[:, :2] - 0.5 * (low + high)
-    likely = np.hypot(centre[:, 0], centre[:, 1]) / linear
-    nearest = in_reach[np.argsort(likely[in_reach], kind="stable")]
+        return _nowhere()
+    windows = np.empty((len(far), 6))
+    num_in_reach = drift_windows(
+        far,
+        paths.drift_from(anchor, submap_poses[:, :2]),
+        (place.x, place.y, place.theta),
+        submap_poses,
+        boxes,
+        _window_rule(config, step)[:],
+        windows,
+    )
+    if num_in_reach == 0:
+        return _nowhere()
+    nearest = np.argsort(windows[:, 5], kind="stable")[:num_in_reach]
     chosen = np.sort(nearest[: wide.max_submaps])
+    due, windows = far[chosen], windows[chosen]
     return _within_boxes(
-        Reach(far[chosen], expected[chosen], linear[chosen], np.minimum(angular[chosen], math.pi)),
-        low[chosen],
-        high[chosen],
+        Reach(due, windows[:, :3], windows[:, 3], np.minimum(windows[:, 4], math.pi)),
+        boxes[due, :2],
+        boxes[due, 2:],
+    )
+
+
+def _nowhere() -> Reach:
+    """Return no submap."""
+    return Reach(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+
+
+def _window_rule(config: ConstraintSearchConfig, step: float) -> WindowRule:
+    """Return how large windows are; `step`: path length from the node to its anchor [m]."""
+    wide = config.wide_search
+    return WindowRule(
+        wide.num_sigmas,
+        config.min_linear_search_window,
+        math.radians(config.min_angular_search_window_deg),
+        wide.translation_drift**2 * step,
+        math.radians(wide.rotation_drift_deg) ** 2 * step,
     )
 
 
@@ -114,34 +134,4 @@ def _within_boxes(reach: Reach, low: FloatArray, high: FloatArray) -> Reach:
     expected[is_whole, :2] = 0.5 * (low + high)[is_whole]
     return reach._replace(
         tf_submap_node=expected, linear_window=np.where(is_whole, half, reach.linear_window)
-    )
-
-
-def _sigmas(
-    config: ConstraintSearchConfig,
-    drift: FloatArray,
-    place: NodePlace,
-    submap_poses: FloatArray,
-    step: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the largest standard deviation of the node's position in submaps, and its heading's.
-
-    Parameters
-    ----------
-    drift : shape (n, 3, 3), of the submaps as the node's anchor knows them.
-    step : path length from the node to its anchor [m].
-    """
-    wide = config.wide_search
-    # A turn of the submap displaces the node in proportion to the distance.
-    jacobian = np.zeros((len(drift), 2, 3))
-    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
-    jacobian[:, 0, 2] = submap_poses[:, 1] - place.y
-    jacobian[:, 1, 2] = place.x - submap_poses[:, 0]
-    covariance = jacobian @ drift @ jacobian.transpose(0, 2, 1)
-    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-    largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
-    rotation = math.radians(wide.rotation_drift_deg) ** 2 * step
-    return (
-        np.sqrt(largest + wide.translation_drift**2 * step),
-        np.sqrt(drift[:, 2, 2] + rotation),
     )

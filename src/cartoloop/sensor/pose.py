@@ -35,11 +35,6 @@ quick_pose: Callable[[tuple[float, float, float]], Pose] = partial(tuple.__new__
 IDENTITY = Pose(0.0, 0.0, 0.0)
 
 
-# Each scan takes dozens of transforms: names of the module are found faster than attributes.
-_cos, _sin, _remainder = math.cos, math.sin, math.remainder
-_PI, _TAU = math.pi, math.tau
-
-
 def wrap_angle(angle: float) -> float:
     """Return the angle [rad] in (-pi, pi]."""
     wrapped = math.remainder(angle, math.tau)
@@ -50,10 +45,14 @@ def compose(tf_a_b: Pose, tf_b_c: Pose) -> Pose:
     """Return tf_a_c, the transform that applies `tf_b_c` first and `tf_a_b` second."""
     b_x, b_y, b_theta = tf_a_b
     x, y, theta = tf_b_c
-    cos, sin = _cos(b_theta), _sin(b_theta)
-    turned = _remainder(b_theta + theta, _TAU)  # `wrap_angle`, without the call
+    cos, sin = math.cos(b_theta), math.sin(b_theta)
+    turned = math.remainder(b_theta + theta, math.tau)  # `wrap_angle`, without the call
     return quick_pose(
-        (b_x + cos * x - sin * y, b_y + sin * x + cos * y, _PI if turned == -_PI else turned)
+        (
+            b_x + cos * x - sin * y,
+            b_y + sin * x + cos * y,
+            math.pi if turned == -math.pi else turned,
+        )
     )
 
 
@@ -68,25 +67,23 @@ def relative(tf_a_b: Pose, tf_a_c: Pose) -> Pose:
     """Return tf_b_c, the pose of c in b: ``compose(inverse(tf_a_b), tf_a_c)``."""
     b_x, b_y, b_theta = tf_a_b
     c_x, c_y, c_theta = tf_a_c
-    cos, sin = _cos(b_theta), _sin(b_theta)
+    cos, sin = math.cos(b_theta), math.sin(b_theta)
     dx, dy = c_x - b_x, c_y - b_y
-    turn = _remainder(c_theta - b_theta, _TAU)
-    return quick_pose((cos * dx + sin * dy, cos * dy - sin * dx, _PI if turn == -_PI else turn))
+    turn = math.remainder(c_theta - b_theta, math.tau)
+    return quick_pose(
+        (cos * dx + sin * dy, cos * dy - sin * dx, math.pi if turn == -math.pi else turn)
+    )
 
 
 def interpolate(tf_a_b: Pose, tf_a_c: Pose, fraction: float) -> Pose:
     """Return the pose at a `fraction` from b to c, straight in x, y, by less than pi in theta."""
     b_x, b_y, b_theta = tf_a_b
     c_x, c_y, c_theta = tf_a_c
-    turn = _remainder(c_theta - b_theta, _TAU)
-    theta = _remainder(b_theta + fraction * (_PI if turn == -_PI else turn), _TAU)
-    return quick_pose(
-        (
-            b_x + fraction * (c_x - b_x),
-            b_y + fraction * (c_y - b_y),
-            _PI if theta == -_PI else theta,
-        )
-    )
+    turn = math.remainder(c_theta - b_theta, math.tau)
+    turn = math.pi if turn == -math.pi else turn
+    theta = math.remainder(b_theta + fraction * turn, math.tau)
+    theta = math.pi if theta == -math.pi else theta
+    return quick_pose((b_x + fraction * (c_x - b_x), b_y + fraction * (c_y - b_y), theta))
 
 
 def transform_points(tf_a_b: Pose, points_b: FloatArray) -> FloatArray:
