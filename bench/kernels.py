@@ -23,6 +23,7 @@ from cartoloop.config import CorrelativeMatcherConfig, LifelongConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
+from cartoloop.kernels.changed_ranges import any_changed
 from cartoloop.kernels.map_changes import LookLimits, note_look
 from cartoloop.kernels.moved_points import moved_points
 from cartoloop.kernels.order_statistics import distance_quantile
@@ -55,7 +56,7 @@ from cartoloop.submaps.probability_grid import (
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "smooth", "hide", "far", "chords", "isolated", "people",
+    "local SLAM", "filter", "smooth", "hide", "far", "changed", "chords", "isolated", "people",
     "outline", "thin", "move", "cast rays", "update cells", "insert", "match", "correlative",
     "wall step",
     "finish", "precompute", "mean score", "agree", "shift along a corridor", "fit", "changes",
@@ -157,6 +158,14 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload(
         "far", ("order_statistics",), case,
         partial(distance_quantile, data.returns, 0.8), len(data.returns), "points",
+    )  # fmt: skip
+    moved = scan.ranges + 0.04
+    yield Workload(
+        "changed", ("changed_ranges",), case,
+        partial(
+            any_changed, scan.ranges, moved, range_max, range_max, (0.05, 0.03, 4.0), (0.0, 0.0)
+        ),
+        beams, "beams",
     )  # fmt: skip
     yield Workload(
         "chords", ("wall_chords",), case,

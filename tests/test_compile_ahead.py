@@ -81,6 +81,7 @@ for name, signatures in compiled().items():
 
 LOCAL_SLAM = {
     "behind_walls",
+    "changed_ranges",
     "correlative",
     "free_standing",
     "grid_update",

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.kernels.changed_ranges import any_changed
 from cartoloop.sensor.events import LaserScan, ScanGeometry
 from cartoloop.sensor.free_standing import are_free_standing
 from cartoloop.sensor.range_noise import Noise
@@ -52,8 +53,15 @@ class SeenScan:
 
     def differs(self, other: SeenScan, noise: Noise) -> bool:
         """Return whether any return has changed; mostly none has, where a robot rests."""
-        chosen = self.is_return & other.is_return
-        return bool(have_changed(self.scan.ranges[chosen], other.scan.ranges[chosen], noise).any())
+        before, now = self.scan, other.scan
+        return any_changed(
+            before.ranges,
+            now.ranges,
+            float(before.geometry.range_max),
+            float(now.geometry.range_max),
+            (CHANGE_M, CHANGE_SHARE, CHANGE_SIGMAS),
+            noise[:],
+        )
 
 
 def have_changed(before: FloatArray, now: FloatArray, noise: Noise) -> BoolArray:
