@@ -275,11 +275,11 @@ def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
 
 def differ(matched: Pose, odometry: Pose, *, is_calibrated: bool) -> bool:
     """Return whether the motions of scans and odometry in a window contradict each other."""
-    apart, length, _, turn = _sizes(matched, odometry)
+    apart, length, turned_apart, turn = _sizes(matched, odometry)
     lever = LEVER_M if is_calibrated else UNKNOWN_LEVER_M
     share = CALIBRATED_FAULT_SHARE if is_calibrated else FAULT_SHARE
     is_elsewhere = apart > max(FAULT_M + lever * turn, share * length)
-    return is_elsewhere or _turned_otherwise(matched, odometry)
+    return is_elsewhere or turned_apart > max(FAULT_RAD, FAULT_SHARE * turn)
 
 
 def _turned_otherwise(matched: Pose, odometry: Pose) -> bool:

@@ -46,14 +46,9 @@ def compose(tf_a_b: Pose, tf_b_c: Pose) -> Pose:
     b_x, b_y, b_theta = tf_a_b
     x, y, theta = tf_b_c
     cos, sin = math.cos(b_theta), math.sin(b_theta)
-    turned = math.remainder(b_theta + theta, math.tau)  # `wrap_angle`, without the call
-    return quick_pose(
-        (
-            b_x + cos * x - sin * y,
-            b_y + sin * x + cos * y,
-            math.pi if turned == -math.pi else turned,
-        )
-    )
+    turned = math.remainder(b_theta + theta, math.tau)  # `wrap_angle`, without a call
+    turned = math.pi if turned == -math.pi else turned
+    return quick_pose((b_x + cos * x - sin * y, b_y + sin * x + cos * y, turned))
 
 
 def inverse(tf_a_b: Pose) -> Pose:
@@ -70,9 +65,8 @@ def relative(tf_a_b: Pose, tf_a_c: Pose) -> Pose:
     cos, sin = math.cos(b_theta), math.sin(b_theta)
     dx, dy = c_x - b_x, c_y - b_y
     turn = math.remainder(c_theta - b_theta, math.tau)
-    return quick_pose(
-        (cos * dx + sin * dy, cos * dy - sin * dx, math.pi if turn == -math.pi else turn)
-    )
+    turn = math.pi if turn == -math.pi else turn
+    return quick_pose((cos * dx + sin * dy, cos * dy - sin * dx, turn))
 
 
 def interpolate(tf_a_b: Pose, tf_a_c: Pose, fraction: float) -> Pose:
