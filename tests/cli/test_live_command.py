@@ -162,6 +162,18 @@ def test_a_flood_is_survived_and_lost_scans_are_reported(live, tmp_path):
     assert f"{dropped} scans dropped" in out
 
 
+def test_all_that_a_file_holds_already_is_mapped(live, tmp_path):
+    path = tmp_path / "a.ndjson"
+    path.write_bytes(b"".join(lines(120.0)) + b'{"type": "end"}\n')
+    command = live(path, "-o", tmp_path / "map")
+    _, status = command.end()
+
+    assert status == 0, command.text
+    report = json.loads((tmp_path / "map" / "report.json").read_text())
+    assert report["skipped"] == {}
+    assert len(load_map(tmp_path / "map").stamps) == 601
+
+
 def test_a_silent_source_is_reported_and_ends_after_end_after(live, tmp_path):
     command = live("tcp://127.0.0.1:0", "-o", tmp_path, "--end-after", "5")
     with socket.create_connection(command.address()) as robot:

@@ -15,8 +15,7 @@ from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted
 from cartoloop.live.continued import last_pose, map_to_add_to
-from cartoloop.live.inbox import Inbox
-from cartoloop.live.message_loop import MessageOptions
+from cartoloop.live.message_loop import MessageOptions, inbox_for
 from cartoloop.live.notices import Notices
 from cartoloop.live.poses import PoseWriter
 from cartoloop.live.sequencer import Sequencer
@@ -252,7 +251,7 @@ def _map_source(
     session = LiveSession(
         source,
         mapper,
-        Inbox(waits=messages.waits),
+        inbox_for(source, messages),
         Sequencer(notices, messages.max_delay, messages.laser_pose),
         notices,
         after_scan=after_scan,

@@ -10,8 +10,7 @@ from time import monotonic
 import numpy as np
 
 from cartoloop.config import LocalSlamConfig
-from cartoloop.live.inbox import Inbox
-from cartoloop.live.message_loop import MessageLoop, MessageOptions
+from cartoloop.live.message_loop import MessageLoop, MessageOptions, inbox_for
 from cartoloop.live.notices import Notices
 from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.source import Source
@@ -73,7 +72,7 @@ def locate_live(
         The source cannot be opened, or failed.
     """
     notices.say(f"{source.open()} (Ctrl-C ends)")
-    inbox = Inbox(waits=options.waits)
+    inbox = inbox_for(source, options)
     sequencer = Sequencer(notices, options.max_delay, options.laser_pose)
     next_tidy = monotonic()
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from threading import Event, Thread
 from time import monotonic
 
+from cartoloop.live.growing_file import GrowingFile
 from cartoloop.live.inbox import Inbox
 from cartoloop.live.messages import EndMessage
 from cartoloop.live.notices import Notices
@@ -41,6 +42,14 @@ class MessageOptions:
     end_after: float | None = None
     waits: bool = False
     laser_pose: Pose | None = None
+
+
+def inbox_for(source: Source, options: MessageOptions) -> Inbox:
+    """Return the queue between a source and mapping.
+
+    A file is held up in any case: what was not read yet stays in it.
+    """
+    return Inbox(waits=options.waits or isinstance(source, GrowingFile))
 
 
 class MessageLoop:
