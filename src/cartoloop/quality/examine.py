@@ -25,6 +25,7 @@ from cartoloop.quality.pairs import MappedContent, Pairs, scans_of
 from cartoloop.quality.rejected_closures import rejected_places
 from cartoloop.quality.scattered import scattered_places
 from cartoloop.quality.slides import slides
+from cartoloop.quality.unseen_drives import unseen_drives, unseen_places
 from cartoloop.quality.verdict import VERDICTS, Place, Quality, Severity
 from cartoloop.quality.visit_offsets import displacement_by_scale, offset_places, visit_offsets
 from cartoloop.quality.visits import Visits, compare_visits
@@ -87,6 +88,7 @@ def _examined(
         *mirrored_places(content, odometry),
         *motion_places.gap_places(_without(gaps, only_clock), met, shifts, content),
         *leap_places(by_session.events(content, leaps), content),
+        *unseen_places(_without(by_session.events(content, unseen_drives), gaps), met, content),
         *clock_jump_places(only_clock, content),
         *motion_places.misfit_places(misfits, met, content),
         *motion_places.jump_places(jumps, met, content),

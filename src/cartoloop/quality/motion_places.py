@@ -40,7 +40,7 @@ agree along the path. How far it drove is known to a share; where that is more t
 place that looks alike may be as far away. Of the path before the gap, or of that after it, these
 visits must make the last share: what only looks alike agrees nearby, and not with what follows."""
 
-_PARTS_ALONE = (
+PARTS_ALONE = (
     "map the parts before and after it alone, and merge the maps; record without interruption, or "
     "stand still while the recording is paused"
 )
@@ -65,7 +65,7 @@ def gap_places(
             Severity.MINOR if _is_made_up_for(event, met, shifts, content) else Severity.DOUBTFUL,
             f"{event.seconds:.1f} s of the recording are missing while the robot drove: it moved "
             f"some {event.expected:.1f} m by its speed, {event.moved:.1f} m by the scans",
-            _PARTS_ALONE,
+            PARTS_ALONE,
         )
         for event in found
     ][:MAX_PLACES]
@@ -78,7 +78,7 @@ def _is_made_up_for(event: Event, met: Encounters, shifts: FloatArray, content: 
     if (
         (1.0 - MOVED_SHARE) * event.expected > MAX_UNSURE_M
         or moved < MOVED_SHARE * event.expected
-        or not _is_bridged(event, met, content)
+        or not is_bridged(event, met, content)
     ):
         return False
     bridges = _bridges(event, met, content)
@@ -107,22 +107,22 @@ def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> l
     """Return the places of gaps across which scans do not fit; minor ones where others do."""
     places = []
     for event in found:
-        is_bridged = _is_bridged(event, met, content)
+        severity = Severity.MINOR if is_bridged(event, met, content) else Severity.DOUBTFUL
         places.append(
             at_scan(
                 event,
                 content,
                 Kind.GAP,
-                Severity.MINOR if is_bridged else Severity.DOUBTFUL,
+                severity,
                 f"{event.seconds:.1f} s of the recording are missing, and the scans before and "
                 "after it do not fit to each other: the robot was moved or turned",
-                _PARTS_ALONE,
+                PARTS_ALONE,
             )
         )
     return places[:MAX_PLACES]
 
 
-def _is_bridged(event: Event, met: Encounters, content: MapContent) -> bool:
+def is_bridged(event: Event, met: Encounters, content: MapContent) -> bool:
     """Return whether visits after an event agree with what was seen before it."""
     bridges = _bridges(event, met, content)
     agrees = float(met.length[bridges & ~met.contradicts].sum())
@@ -151,7 +151,7 @@ def jump_places(found: list[Event], met: Encounters, content: MapContent) -> lis
             event,
             content,
             Kind.JUMP,
-            Severity.MINOR if _is_bridged(event, met, content) else Severity.DOUBTFUL,
+            Severity.MINOR if is_bridged(event, met, content) else Severity.DOUBTFUL,
             f"the pose jumps by {event.moved:.1f} m from one scan to the next",
             "the odometry may have jumped: try --set local_slam.use_odometry=false; "
             "`cartoloop doctor` examines it",
@@ -238,7 +238,7 @@ def blind_places(
     places = []
     for event in found:
         error = length_error(event.moved, odometry) if has_odometry(odometry) else 0.0
-        is_held = error <= BRIDGED_BLIND_ERROR_M and _is_bridged(event, met, content)
+        is_held = error <= BRIDGED_BLIND_ERROR_M and is_bridged(event, met, content)
         is_short = event.moved <= config.doubtful_blind_length
         places.append(
             at_scan(
