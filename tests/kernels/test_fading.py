@@ -6,8 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over
-from tests.reference.naive_fading import naive_clear, naive_fade, naive_hand_over
+from cartoloop.kernels.fading import clear_inside, fade_seen_through, fade_submap, hand_over
+from tests.reference.naive_fading import (
+    naive_clear,
+    naive_fade,
+    naive_hand_over,
+    naive_seen_through,
+)
 
 CELLS = st_numpy.arrays(np.uint8, st.tuples(st.integers(1, 8), st.integers(1, 8)))
 PLACE = st.floats(-4, 10)
@@ -33,6 +38,24 @@ def test_fading_equals_its_slow_twin(cells, x, y, theta, seed):
     assert np.array_equal(faded, expected[0])
     assert np.array_equal(left, expected[1])
     assert counts == expected[2:]
+
+
+@settings(max_examples=50, deadline=None)
+@given(CELLS, PLACE, PLACE, ANGLE, st.integers(1, 2), st.integers(0, 2**32 - 1))
+def test_seeing_through_equals_its_slow_twin(cells, x, y, theta, reach, seed):
+    rng = np.random.default_rng(seed)
+    # In steps that add up exactly, whatever their order.
+    total = np.where(rng.random((9, 11)) < 0.02, 1, rng.integers(-8, 1, (9, 11)) / 8)
+    total = total.astype(np.float32)
+    faded = np.where(rng.random(cells.shape) < 0.9, cells, 0).astype(np.uint8)
+    left, affine = faded.copy(), _affine(x, y, theta)
+
+    through = naive_seen_through(cells, affine, total, -2.0, reach, faded)
+    expected = np.where(through, 0, faded)
+    fade_seen_through(cells, affine, total, -2.0, reach, faded, left)
+
+    assert np.array_equal(faded, expected)
+    assert np.array_equal(left, expected)
 
 
 @settings(max_examples=50, deadline=None)

@@ -10,6 +10,8 @@ from cartoloop.submaps.finished_grid import FinishedGrid
 SUBMAPS = SubmapConfig()
 R = SUBMAPS.resolution
 FREE, WALL = 20, 240
+MISSED = 112
+"""Value of a cell that one beam has passed."""
 
 
 def floor(first_x, end_x, *, walls=(), size=40):
@@ -157,17 +159,39 @@ def test_what_stands_stays():
     assert np.array_equal(chosen.grids[0].cells, floor(0, 70, walls=walls).cells)
 
 
-def test_a_glance_does_not_make_walls_fade():
-    cells = floor(0, 40).cells.copy()
-    cells[cells > 0] = 120  # hardly free
-    glance = FinishedGrid(cells, R / 2, R / 2, R)
-    assert selected(floor(0, 70, walls=[(5, 2, 30)]), glance).num_faded == 0
+def glance(*columns, walls=()):
+    """A grid of single beams along columns, with walls in some cells."""
+    cells = np.zeros((40, 80), np.uint8)
+    cells[:, list(columns)] = MISSED
+    for cell in walls:
+        cells[cell] = WALL
+    return FinishedGrid(cells, R / 2, R / 2, R)
+
+
+def test_a_single_beam_does_not_make_walls_fade():
+    old = floor(0, 70, walls=[(5, 2, 30)])
+    assert selected(old, glance(10), again=[False, True]).num_faded == 0
+    assert selected(old, glance(10, 20), again=[False, True]).num_faded == 0
+
+
+def test_neighbouring_beams_make_walls_fade():
+    old = floor(0, 70, walls=[(5, 2, 30)])
+    chosen = selected(old, glance(10, 11, 20), again=[False, True])
+    assert np.flatnonzero(chosen.grids[0].cells[5] == 0)[:2].tolist() == [10, 11]
+    assert chosen.num_faded == 2
+
+
+def test_walls_that_are_hit_beside_the_beams_stay():
+    old = floor(0, 70, walls=[(5, 2, 30)])
+    beams = glance(10, 11, 12, walls=[(5, 9), (5, 14)])
+    assert selected(old, beams, again=[False, True]).num_faded == 0
 
 
 def test_a_glance_supersedes_nothing():
     old = floor(0, 40, walls=[(5, 30, 38)])
     cells = floor(0, 40).cells.copy()
     cells[:, 20:] = np.where(cells[:, 20:] > 0, 120, 0)  # hardly free
+    cells[5, 30:38] = 0  # and not where the wall is
     chosen = selected(old, FinishedGrid(cells, R / 2, R / 2, R))
     before = compose_map([old], np.zeros((1, 3)), SUBMAPS).probability
     after = compose_map([chosen.grids[1]], np.zeros((1, 3)), SUBMAPS).probability

@@ -49,6 +49,25 @@ def naive_fade(cells, affine, total, known, limits, sure):
     return faded, left, observed, covered
 
 
+def naive_seen_through(cells, affine, total, free_below, reach, faded):
+    """Return which cells fade because a few beams have seen through them."""
+    is_wall, through = cells > 128, np.zeros(cells.shape, dtype=bool)
+    evidence = np.zeros(cells.shape)
+    for place in np.argwhere(is_wall):
+        if _is_inside(on_map := _place(affine, *place), total):
+            evidence[tuple(place)] = total[on_map]
+    for row, col in np.argwhere(is_wall & (faded > 128)):
+        place = _place(affine, row, col)
+        if not _is_inside(place, total) or total[place] >= 0.0:
+            continue
+        around, on_map = (
+            tuple(slice(max(number - reach, 0), number + reach + 1) for number in middle)
+            for middle in ((row, col), place)
+        )
+        through[row, col] = not (total[on_map] > 0.0).any() and evidence[around].sum() <= free_below
+    return through
+
+
 def naive_hand_over(affine, source, sums, cells):
     """Return the cells with the evidence of others, and what was added."""
     filled, taken = cells.copy(), np.zeros_like(cells)

@@ -77,6 +77,67 @@ def fade_submap(
     return observed, covered
 
 
+@kernel
+def fade_seen_through(
+    cells: ByteArray,
+    affine: FloatArray,
+    total: NDArray[np.float32],
+    free_below: float,
+    reach: int,
+    out_faded: ByteArray,
+    out_left: ByteArray,
+) -> None:
+    """Set walls of a submap to 0 that a few beams have seen through later, in place.
+
+    A wall fades where the map is free, holds no wall within `reach`, and where the evidence of the
+    walls of the submap within `reach` is that of free cells, all taken together.
+
+    Parameters
+    ----------
+    cells, affine, total : as of :func:`fade_submap`.
+    free_below : sum of log-odds up to which these cells are free.
+    reach : in columns and rows [cells].
+    out_faded, out_left : as of :func:`fade_submap`, which has filled them.
+
+    Notes
+    -----
+    O(cells + walls * reach^2).
+    """
+    num_rows, num_cols = cells.shape
+    for row in range(num_rows):
+        for col in range(num_cols):
+            if out_faded[row, col] <= NEUTRAL:
+                continue
+            map_col = int(np.floor(affine[0] + affine[1] * col + affine[2] * row))
+            map_row = int(np.floor(affine[3] + affine[4] * col + affine[5] * row))
+            if not (0 <= map_row < total.shape[0] and 0 <= map_col < total.shape[1]):
+                continue
+            if total[map_row, map_col] >= 0.0 or _has_wall_near(total, map_row, map_col, reach):
+                continue
+            evidence = 0.0
+            for near_row in range(max(row - reach, 0), min(row + reach + 1, num_rows)):
+                for near_col in range(max(col - reach, 0), min(col + reach + 1, num_cols)):
+                    if cells[near_row, near_col] <= NEUTRAL:
+                        continue
+                    map_col = int(np.floor(affine[0] + affine[1] * near_col + affine[2] * near_row))
+                    map_row = int(np.floor(affine[3] + affine[4] * near_col + affine[5] * near_row))
+                    if 0 <= map_row < total.shape[0] and 0 <= map_col < total.shape[1]:
+                        evidence += total[map_row, map_col]
+            if evidence <= free_below:
+                out_faded[row, col] = 0
+                out_left[row, col] = 0
+
+
+@borrowing_kernel
+def _has_wall_near(total: NDArray[np.float32], row: int, col: int, reach: int) -> bool:
+    """Return whether a map holds a wall within `reach` columns and rows of a cell."""
+    for near_row in range(max(row - reach, 0), min(row + reach + 1, total.shape[0])):
+        for near_col in range(max(col - reach, 0), min(col + reach + 1, total.shape[1])):
+            if total[near_row, near_col] > 0.0:
+                return True
+    return False
+
+
 @borrowing_kernel
 def _is_sure_near(
     total: NDArray[np.float32], row: int, col: int, sure_free: float, sure_wall: float

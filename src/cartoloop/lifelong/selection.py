@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from cartoloop.config import LifelongConfig, SubmapConfig
-from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over
+from cartoloop.kernels.fading import clear_inside, fade_seen_through, fade_submap, hand_over
 from cartoloop.kernels.map_composition import NEUTRAL
 from cartoloop.map_output.evidence_sum import EvidenceSum, cell_log_odds, cells_covering
 from cartoloop.sensor.pose import Pose, relative
@@ -25,6 +25,12 @@ MAX_RECEIVERS = 16
 SURE = 0.82
 """Probability that a cell is free, or a wall, from which no more evidence is needed: it is drawn as
 such."""
+
+THROUGH_REACH_M, MIN_THROUGH = 0.1, 1.5
+"""A wall fades, too, where later sessions show floor by less evidence than `min_certainty`, as by a
+look through a door: where they saw no wall within this [m], and more than so many beams passed
+through the walls of the submap within it, all counted together. What stands is larger than a cell,
+and is hit beside the beams that seem to pass through it, since poses err by a cell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +60,8 @@ def select(
     """Return which submaps stay, and the grids of all.
 
     Sessions are compared from the newest back, each with what later ones have seen: walls where a
-    later session has seen floor fade, and so does floor where one has seen walls. A submap that
+    later session has seen floor fade, by few beams if no wall is near, and so does floor where one
+    has seen walls. A submap that
     was driven through again, and was seen almost as a whole, is removed. What later sessions have
     not seen, or had a glance at only, as with a few beams from afar, is handed over to their
     submaps.
@@ -113,6 +120,8 @@ class _Selector:
         miss = math.log((1.0 - submaps.miss_probability) / submaps.miss_probability)
         wall_weight = max(1.0, hit / miss)
         self._free_below, self._wall_above = -odds, odds * wall_weight
+        self._through_below = -MIN_THROUGH * miss
+        self._reach_cells = math.ceil(THROUGH_REACH_M / submaps.resolution)
         sure = math.log(SURE / (1.0 - SURE))
         self._sure_free, self._sure_wall = -sure, sure * wall_weight
         self._sums = _sums_of_evidence(cell_log_odds(submaps))
@@ -166,17 +175,22 @@ class _Selector:
         grid, pose = self.grids[index], self._poses[index]
         cells = grid.cells
         faded, left = np.empty_like(cells), np.empty_like(cells)
+        evidence = self._evidence
+        affine = _cell_to_cell(grid, pose, evidence.lower, evidence.resolution)
         observed, covered = fade_submap(
             cells,
-            _cell_to_cell(grid, pose, self._evidence.lower, self._evidence.resolution),
-            self._evidence.total,
-            self._evidence.known,
+            affine,
+            evidence.total,
+            evidence.known,
             self._free_below,
             self._wall_above,
             self._sure_free,
             self._sure_wall,
             faded,
             left,
+        )
+        fade_seen_through(
+            cells, affine, evidence.total, self._through_below, self._reach_cells, faded, left
         )
         return _Compared(observed, covered, faded, left)
 
