@@ -41,7 +41,7 @@ def test_a_submap_that_was_not_seen_again_stays():
 
 
 def test_a_submap_that_was_only_looked_into_stays():
-    chosen = selected(floor(0, 40, walls=[(5, 10, 20)]), floor(0, 40), again=[False, True])
+    chosen = selected(floor(0, 40, walls=[(20, 10, 20)]), floor(0, 40), again=[False, True])
     assert chosen.kept.all()
     assert chosen.num_faded == 10
 
@@ -101,7 +101,7 @@ def test_selecting_again_removes_nothing_more():
 
 
 def test_what_was_seen_again_is_not_copied():
-    old = floor(0, 40, walls=[(5, 0, 20)])
+    old = floor(0, 40, walls=[(20, 10, 20)])
     chosen = selected(old, floor(0, 40))
     assert np.array_equal(chosen.grids[1].cells, floor(0, 40).cells)
 
@@ -137,10 +137,10 @@ def test_a_submap_with_walls_far_outside_stays():
 
 
 def test_furniture_that_was_moved_fades():
-    old = floor(0, 70, walls=[(5, 2, 30)])
+    old = floor(0, 70, walls=[(20, 10, 30)])
     chosen = selected(old, floor(0, 40))
     assert chosen.kept.all()
-    assert chosen.num_faded == 28
+    assert chosen.num_faded == 20
     occupancy = compose_map(chosen.grids, np.zeros((2, 3)), SUBMAPS)
     assert not np.any(occupancy.probability > 0.5)
 
@@ -169,21 +169,41 @@ def glance(*columns, walls=()):
 
 
 def test_a_single_beam_does_not_make_walls_fade():
-    old = floor(0, 70, walls=[(5, 2, 30)])
+    old = floor(0, 70, walls=[(20, 2, 30)])
     assert selected(old, glance(10), again=[False, True]).num_faded == 0
     assert selected(old, glance(10, 20), again=[False, True]).num_faded == 0
 
 
 def test_neighbouring_beams_make_walls_fade():
-    old = floor(0, 70, walls=[(5, 2, 30)])
+    old = floor(0, 70, walls=[(20, 2, 30)])
     chosen = selected(old, glance(10, 11, 20), again=[False, True])
-    assert np.flatnonzero(chosen.grids[0].cells[5] == 0)[:2].tolist() == [10, 11]
+    assert np.flatnonzero(chosen.grids[0].cells[20] == 0)[:2].tolist() == [10, 11]
     assert chosen.num_faded == 2
 
 
+def test_walls_that_beams_pass_on_one_side_stay():
+    """Along a corridor, beams err by a cell or two, and seem to pass through its wall."""
+    old = floor(0, 70, walls=[(20, 2, 70)])
+    cells = floor(0, 70).cells.copy()
+    cells[23:] = 0
+    along = FinishedGrid(cells, R / 2, R / 2, R)
+    chosen = selected(old, along, again=[False, True])
+    assert chosen.num_faded == 0
+    cells[:, 40:] = np.where(cells[:, 40:] > 0, MISSED, 0)
+    assert selected(old, along, again=[False, True]).num_faded == 0
+
+
+def test_a_wall_gives_way_to_one_beside_it():
+    old = floor(0, 70, walls=[(20, 2, 70)])
+    cells = floor(0, 70, walls=[(22, 2, 70)]).cells.copy()
+    cells[23:] = 0
+    chosen = selected(old, FinishedGrid(cells, R / 2, R / 2, R), again=[False, True])
+    assert not chosen.grids[0].cells[20, 2:70].any()
+
+
 def test_walls_that_are_hit_beside_the_beams_stay():
-    old = floor(0, 70, walls=[(5, 2, 30)])
-    beams = glance(10, 11, 12, walls=[(5, 9), (5, 14)])
+    old = floor(0, 70, walls=[(20, 2, 30)])
+    beams = glance(10, 11, 12, walls=[(20, 9), (20, 14)])
     assert selected(old, beams, again=[False, True]).num_faded == 0
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from cartoloop.config import LifelongConfig, SubmapConfig
-from cartoloop.kernels.fading import clear_inside, fade_seen_through, fade_submap, hand_over
+from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over, review_walls
 from cartoloop.kernels.map_composition import NEUTRAL
 from cartoloop.map_output.evidence_sum import EvidenceSum, cell_log_odds, cells_covering
 from cartoloop.sensor.pose import Pose, relative
@@ -26,11 +26,18 @@ SURE = 0.82
 """Probability that a cell is free, or a wall, from which no more evidence is needed: it is drawn as
 such."""
 
-THROUGH_REACH_M, MIN_THROUGH = 0.1, 1.5
+BESIDE_M = 0.1
+"""What is at most this far from a wall is at the wall, since poses err by a cell [m]."""
+
+MIN_THROUGH, BEHIND_FEW_M = 1.5, 0.2
 """A wall fades, too, where later sessions show floor by less evidence than `min_certainty`, as by a
-look through a door: where they saw no wall within this [m], and more than so many beams passed
-through the walls of the submap within it, all counted together. What stands is larger than a cell,
-and is hit beside the beams that seem to pass through it, since poses err by a cell."""
+look through a door: where they saw no wall beside it, but floor so far off on both sides [m], and
+more than so many beams passed through the walls of the submap beside it, all counted together."""
+
+BEHIND_MANY_M = 0.4
+"""A wall that has no later one beside it does not fade, however many beams saw floor there, if they
+saw none so far off on both sides [m]: beams along a corridor whose heading errs pass behind the
+wall of an older session, and hit little of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +67,8 @@ def select(
     """Return which submaps stay, and the grids of all.
 
     Sessions are compared from the newest back, each with what later ones have seen: walls where a
-    later session has seen floor fade, by few beams if no wall is near, and so does floor where one
-    has seen walls. A submap that
+    later session has seen floor on both sides fade, also by a few beams, and so does floor where
+    one has seen walls. A submap that
     was driven through again, and was seen almost as a whole, is removed. What later sessions have
     not seen, or had a glance at only, as with a few beams from afar, is handed over to their
     submaps.
@@ -120,8 +127,10 @@ class _Selector:
         miss = math.log((1.0 - submaps.miss_probability) / submaps.miss_probability)
         wall_weight = max(1.0, hit / miss)
         self._free_below, self._wall_above = -odds, odds * wall_weight
-        self._through_below = -MIN_THROUGH * miss
-        self._reach_cells = math.ceil(THROUGH_REACH_M / submaps.resolution)
+        self._few_below = -MIN_THROUGH * miss
+        self._reaches = [
+            round(length / submaps.resolution) for length in (BESIDE_M, BEHIND_FEW_M, BEHIND_MANY_M)
+        ]
         sure = math.log(SURE / (1.0 - SURE))
         self._sure_free, self._sure_wall = -sure, sure * wall_weight
         self._sums = _sums_of_evidence(cell_log_odds(submaps))
@@ -189,9 +198,7 @@ class _Selector:
             faded,
             left,
         )
-        fade_seen_through(
-            cells, affine, evidence.total, self._through_below, self._reach_cells, faded, left
-        )
+        review_walls(cells, affine, evidence.total, self._few_below, *self._reaches, faded, left)
         return _Compared(observed, covered, faded, left)
 
     def _hand_over(self, grid: FinishedGrid, pose: Pose, left: ByteArray) -> bool:
