@@ -128,9 +128,9 @@ class _Selector:
         wall_weight = max(1.0, hit / miss)
         self._free_below, self._wall_above = -odds, odds * wall_weight
         self._few_below = -MIN_THROUGH * miss
-        self._reaches = [
+        self._beside, self._behind_few, self._behind_many = (
             round(length / submaps.resolution) for length in (BESIDE_M, BEHIND_FEW_M, BEHIND_MANY_M)
-        ]
+        )
         sure = math.log(SURE / (1.0 - SURE))
         self._sure_free, self._sure_wall = -sure, sure * wall_weight
         self._sums = _sums_of_evidence(cell_log_odds(submaps))
@@ -198,7 +198,17 @@ class _Selector:
             faded,
             left,
         )
-        review_walls(cells, affine, evidence.total, self._few_below, *self._reaches, faded, left)
+        review_walls(
+            cells,
+            affine,
+            evidence.total,
+            self._few_below,
+            self._beside,
+            self._behind_few,
+            self._behind_many,
+            faded,
+            left,
+        )
         return _Compared(observed, covered, faded, left)
 
     def _hand_over(self, grid: FinishedGrid, pose: Pose, left: ByteArray) -> bool:
