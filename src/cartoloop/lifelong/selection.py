@@ -31,12 +31,12 @@ BESIDE_M = 0.1
 
 MIN_THROUGH, BEHIND_FEW_M = 1.5, 0.2
 """A wall fades, too, where later sessions show floor by less evidence than `min_certainty`, as by a
-look through a door: where they saw no wall beside it, but floor so far off on both sides [m], and
-more than so many beams passed through the walls of the submap beside it, all counted together."""
+look through a door: where they saw no wall beside it, but floor this far off on both sides [m], and
+more than this number of beams passed through the walls of the submap beside it, all together."""
 
 BEHIND_MANY_M = 0.4
 """A wall that has no later one beside it does not fade, however many beams saw floor there, if they
-saw none so far off on both sides [m]: beams along a corridor whose heading errs pass behind the
+saw none this far off on both sides [m]: beams along a corridor whose heading errs pass behind the
 wall of an older session, and hit little of it."""
 
 
