@@ -34,8 +34,11 @@ SETTLED_AFTER = 3
 ALONE = "error of this drive alone"
 """Figure of the map of one drive."""
 
-_POINT_SPACING_M = 0.02
-"""Of the places on furniture where the map is looked at [m]."""
+_POINT_SPACING_M, _WALL_SPACING_M = 0.02, 0.1
+"""Of the places on furniture, and of those on walls, where the map is looked at [m]."""
+
+_STANDS_WITHIN_M = 0.02
+"""A wall of the first drive stands if every drive has one this near [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +219,9 @@ def _furniture(folder: Path, options: LifelongOptions, progress: Callable[[str],
 
     What counts is what a map of that drive alone shows, and what stands alone: nothing else was
     near it on the other drive. Furniture of the first drive in places that no later drive saw stays
-    on the map; it counts where the last drive that looked saw nothing in its place.
+    on the map; it counts where the last drive that looked saw nothing in its place. There the map
+    may still show what a drive in between saw: places where none drew anything count once more. The
+    walls that stood on all drives show what it costs.
     """
     drives = options.drives
     first, last = (_Visit(folder, options.seed, drive, progress) for drive in (1, drives))
@@ -226,16 +231,20 @@ def _furniture(folder: Path, options: LifelongOptions, progress: Callable[[str],
     def shown(places: FloatArray) -> Figure:
         return Figure.exact(100 * float(_is_drawn(final, tf_final, places).mean()), "%")
 
-    gone = _points(first.furniture)
+    gone, walls = _points(first.furniture), _points(first.walls, _WALL_SPACING_M)
     gone = gone[last.is_clear(gone)]
     gone = gone[first.drew(gone)]
     again, seen_empty = gone[last.saw(gone)], np.zeros(len(gone), dtype=bool)
-    left = np.ones(len(gone), dtype=bool)
+    left, undrawn = np.ones(len(gone), dtype=bool), np.ones(len(gone), dtype=bool)
+    stands, drawn = np.ones(len(walls), dtype=bool), first.drew(walls)
     for drive in range(drives, 1, -1):
         visit = last if drive == drives else _Visit(folder, options.seed, drive, progress)
         looked = left & visit.saw(gone)
         seen_empty |= looked & visit.is_clear(gone)
         left &= ~looked
+        undrawn &= ~visit.drew(gone)
+        stands &= visit.has_walls(walls)
+        drawn |= visit.drew(walls)
     new = _points(last.furniture)
     new = new[first.is_clear(new)]
     new = new[last.drew(new)]
@@ -244,7 +253,9 @@ def _furniture(folder: Path, options: LifelongOptions, progress: Callable[[str],
         "furniture of the first drive shown": shown(gone),
         "of that, where the last drive looked": shown(again),
         "where any later drive looked": shown(gone[seen_empty]),
+        "and none drew anything since": shown(gone[seen_empty & undrawn]),
         "places any later drive looked at": Figure.exact(100 * float(seen_empty.mean()), "%"),
+        "standing walls shown": replace(shown(walls[stands & drawn]), better="more"),
     }
     return Row({"drive": "furniture"}, figures)
 
@@ -264,15 +275,20 @@ class _Visit:
         from cartoloop.simulation import make_world
 
         world, out = make_world("office", seed, drive), _mapped_alone(folder, drive, progress)
-        self.furniture, self._walls = world.furniture, world.walls
+        self.furniture, self.walls = world.furniture, world.walls
         self._map = load_map(out)
         estimate, truth = read_tum(out / "trajectory.tum"), read_tum(folder / f"{drive}.tum")
         self._tf_truth_map = evaluate_trajectory(estimate, truth).tf_truth_estimate
 
     def is_clear(self, places: FloatArray) -> BoolArray:
         """Return where nothing stood near then."""
-        clear: BoolArray = _distances(places, self._walls) > APART_M
+        clear: BoolArray = _distances(places, self.walls) > APART_M
         return clear
+
+    def has_walls(self, places: FloatArray) -> BoolArray:
+        """Return where a wall or furniture stood then."""
+        stood: BoolArray = _distances(places, self.walls) < _STANDS_WITHIN_M
+        return stood
 
     def drew(self, places: FloatArray) -> BoolArray:
         """Return which places the map of the drive shows as walls."""
@@ -283,9 +299,9 @@ class _Visit:
         return _is_seen(self._map, self._tf_truth_map, places)
 
 
-def _points(segments: FloatArray) -> FloatArray:
+def _points(segments: FloatArray, spacing: float = _POINT_SPACING_M) -> FloatArray:
     """Return places along segments, shape (n, 2) [m]."""
-    counts = np.ceil(np.hypot(*(segments[:, 2:] - segments[:, :2]).T) / _POINT_SPACING_M)
+    counts = np.ceil(np.hypot(*(segments[:, 2:] - segments[:, :2]).T) / spacing)
     return np.concatenate(
         [
             np.linspace(segment[:2], segment[2:], max(int(count), 2))

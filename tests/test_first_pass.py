@@ -67,6 +67,20 @@ def test_the_pass_goes_on_until_the_robot_has_turned(late, monkeypatch):
     assert model.odometry.knows_rotation
 
 
+def test_the_pass_goes_on_until_the_scale_is_measured(tmp_path, monkeypatch):
+    path, world = tmp_path / "squares.log", furnished_room()
+    square = world.route[0] + 0.3 * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    motion = drive(np.vstack([*[square] * 4, *[world.route] * 3]), 1.0, 1.0)
+    simulate(world, LIDAR, OdometryModel(), seed=2, motion=motion).write_carmen(path)
+    monkeypatch.setattr("cartoloop.first_pass.MAX_SHARE", 0.01)
+    monkeypatch.setattr("cartoloop.first_pass.LEAST_SCANS", 0)
+    model = calibrate(open_log(path), Config(), StopRequest())
+
+    # After the squares, which show the rotation only.
+    assert model is not None
+    assert model.odometry.knows_scale
+
+
 class OtherHand:
     """A recording whose odometry turns to the other side."""
 

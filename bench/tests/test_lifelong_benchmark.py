@@ -21,6 +21,11 @@ def test_places_lie_close_together_along_furniture():
     assert points[-1] == pytest.approx((2.0, 0.01))
 
 
+def test_places_along_walls_may_lie_farther_apart():
+    points = lifelong._points(SEGMENTS, 0.6)
+    assert points == pytest.approx(np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 0.01)]))
+
+
 def test_distances_are_to_the_nearest_segment():
     points = np.array([(0.5, 0.3), (-0.3, 0.4), (2.0, 1.01)])
     assert lifelong._distances(points, SEGMENTS) == pytest.approx([0.3, 0.5, 1.0])
@@ -32,6 +37,14 @@ def test_walls_are_drawn_and_floor_is_seen():
     points = transform_points(tf_truth_map, np.array([(1.0, 0.52), (1.0, 1.2), (9.0, 0.52)]))
     assert lifelong._is_drawn(result, tf_truth_map, points).tolist() == [True, False, False]
     assert lifelong._is_seen(result, tf_truth_map, points).tolist() == [True, True, False]
+
+
+def test_what_stands_on_a_drive():
+    visit = lifelong._Visit.__new__(lifelong._Visit)
+    visit.walls = SEGMENTS
+    places = np.array([(0.5, 0.01), (0.5, 0.2), (0.5, 0.4)])
+    assert visit.has_walls(places).tolist() == [True, False, False]
+    assert visit.is_clear(places).tolist() == [False, False, True]
 
 
 def test_drives_whose_figures_were_kept_are_not_made_again(tmp_path, monkeypatch):

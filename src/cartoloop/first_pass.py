@@ -36,8 +36,9 @@ a twentieth of it where the odometry never becomes known. Of short recordings, a
 instead, which takes a fraction of a second."""
 
 MOST_SCANS = 1500
-"""Number of scans that are tried while the robot has not turned enough: where scans are sparse, the
-first turns come late and are matched worst."""
+"""Number of scans that are tried while the robot has not turned enough, or scans have not measured
+the scale of the odometry's distances: where scans are sparse, the first turns come late and are
+matched worst; in a bare corridor matches show little more of the scale than what was assumed."""
 
 ENOUGH_TURNS = 150
 """Number of turning steps after which an offset that matters would have been found."""
@@ -51,8 +52,8 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
 
     The pass ends once clock offsets were found, or the robot has turned so much that there are none
     that matter, and it has driven far enough to know its veer; at the latest after `MAX_SHARE` of
-    the scans, or `LEAST_SCANS`, or `MOST_SCANS` while it has not turned. A failure ends it as well:
-    the pass that maps will meet and report it.
+    the scans, or `LEAST_SCANS`, or `MOST_SCANS` while it has not turned or no scans have measured
+    the scale. A failure ends it as well: the pass that maps will meet and report it.
 
     Parameters
     ----------
@@ -73,8 +74,8 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
                 for scan in intake.ready_scans(event.time):
                     slam.add_scan(scan)
             known = slam.calibration
-            has_turned = known.odometry.knows_rotation
-            if stop.made or intake.num_scans > (limit if has_turned else last):
+            is_measured = known.odometry.knows_rotation and known.odometry.knows_scale
+            if stop.made or intake.num_scans > (limit if is_measured else last):
                 break
             if intake.num_scans <= FIRST_ESTIMATE:
                 continue

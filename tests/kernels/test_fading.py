@@ -6,8 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over
-from tests.reference.naive_fading import naive_clear, naive_fade, naive_hand_over
+from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over, review_walls
+from tests.reference.naive_fading import (
+    naive_clear,
+    naive_fade,
+    naive_hand_over,
+    naive_review,
+)
 
 CELLS = st_numpy.arrays(np.uint8, st.tuples(st.integers(1, 8), st.integers(1, 8)))
 PLACE = st.floats(-4, 10)
@@ -33,6 +38,24 @@ def test_fading_equals_its_slow_twin(cells, x, y, theta, seed):
     assert np.array_equal(faded, expected[0])
     assert np.array_equal(left, expected[1])
     assert counts == expected[2:]
+
+
+@settings(max_examples=50, deadline=None)
+@given(CELLS, PLACE, PLACE, ANGLE, st.integers(1, 2), st.integers(0, 2**32 - 1))
+def test_reviewing_equals_its_slow_twin(cells, x, y, theta, reach, seed):
+    rng = np.random.default_rng(seed)
+    # In steps that add up exactly, whatever their order.
+    total = np.where(rng.random((9, 11)) < 0.02, 1, rng.integers(-8, 1, (9, 11)) / 8)
+    total = np.where(rng.random((9, 11)) < 0.5, 0, total).astype(np.float32)
+    faded = np.where(rng.random(cells.shape) < 0.7, cells, 0).astype(np.uint8)
+    left, affine = np.where(rng.random(cells.shape) < 0.7, faded, 0), _affine(x, y, theta)
+    left = left.astype(np.uint8)
+
+    expected = naive_review(cells, affine, total, -1.0, reach, (2, 3), faded, left)
+    review_walls(cells, affine, total, -1.0, reach, 2, 3, faded, left)
+
+    assert np.array_equal(faded, expected[0])
+    assert np.array_equal(left, expected[1])
 
 
 @settings(max_examples=50, deadline=None)

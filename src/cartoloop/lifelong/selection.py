@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from cartoloop.config import LifelongConfig, SubmapConfig
-from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over
+from cartoloop.kernels.fading import clear_inside, fade_submap, hand_over, review_walls
 from cartoloop.kernels.map_composition import NEUTRAL
 from cartoloop.map_output.evidence_sum import EvidenceSum, cell_log_odds, cells_covering
 from cartoloop.sensor.pose import Pose, relative
@@ -25,6 +25,19 @@ MAX_RECEIVERS = 16
 SURE = 0.82
 """Probability that a cell is free, or a wall, from which no more evidence is needed: it is drawn as
 such."""
+
+BESIDE_M = 0.1
+"""What is at most this far from a wall is at the wall, since poses err by a cell [m]."""
+
+MIN_THROUGH, BEHIND_FEW_M = 1.5, 0.2
+"""A wall fades, too, where later sessions show floor by less evidence than `min_certainty`, as by a
+look through a door: where they saw no wall beside it, but floor this far off on both sides [m], and
+more than this number of beams passed through the walls of the submap beside it, all together."""
+
+BEHIND_MANY_M = 0.4
+"""A wall that has no later one beside it does not fade, however many beams saw floor there, if they
+saw none this far off on both sides [m]: beams along a corridor whose heading errs pass behind the
+wall of an older session, and hit little of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +67,8 @@ def select(
     """Return which submaps stay, and the grids of all.
 
     Sessions are compared from the newest back, each with what later ones have seen: walls where a
-    later session has seen floor fade, and so does floor where one has seen walls. A submap that
+    later session has seen floor on both sides fade, also by a few beams, and so does floor where
+    one has seen walls. A submap that
     was driven through again, and was seen almost as a whole, is removed. What later sessions have
     not seen, or had a glance at only, as with a few beams from afar, is handed over to their
     submaps.
@@ -113,6 +127,10 @@ class _Selector:
         miss = math.log((1.0 - submaps.miss_probability) / submaps.miss_probability)
         wall_weight = max(1.0, hit / miss)
         self._free_below, self._wall_above = -odds, odds * wall_weight
+        self._few_below = -MIN_THROUGH * miss
+        self._beside, self._behind_few, self._behind_many = (
+            round(length / submaps.resolution) for length in (BESIDE_M, BEHIND_FEW_M, BEHIND_MANY_M)
+        )
         sure = math.log(SURE / (1.0 - SURE))
         self._sure_free, self._sure_wall = -sure, sure * wall_weight
         self._sums = _sums_of_evidence(cell_log_odds(submaps))
@@ -166,15 +184,28 @@ class _Selector:
         grid, pose = self.grids[index], self._poses[index]
         cells = grid.cells
         faded, left = np.empty_like(cells), np.empty_like(cells)
+        evidence = self._evidence
+        affine = _cell_to_cell(grid, pose, evidence.lower, evidence.resolution)
         observed, covered = fade_submap(
             cells,
-            _cell_to_cell(grid, pose, self._evidence.lower, self._evidence.resolution),
-            self._evidence.total,
-            self._evidence.known,
+            affine,
+            evidence.total,
+            evidence.known,
             self._free_below,
             self._wall_above,
             self._sure_free,
             self._sure_wall,
+            faded,
+            left,
+        )
+        review_walls(
+            cells,
+            affine,
+            evidence.total,
+            self._few_below,
+            self._beside,
+            self._behind_few,
+            self._behind_many,
             faded,
             left,
         )
