@@ -129,6 +129,26 @@ def test_along_straight_walls_a_lower_score_refutes(known, bent):
     assert not is_proved(known, bent, PATH_M, [best, rival(score=lower)], [], [])
 
 
+def test_a_place_that_explains_less_is_no_rival(known, bent):
+    best = follow_best(known, bent, [NEWEST])[0]
+    explained, if_glass = best.fit.explained, best.fit.explained_if_glass
+
+    def is_alone(lower, *, less=0.0, less_if_glass=0.0, path=PATH_M, **fit):
+        fit |= {"explained": explained - less, "explained_if_glass": if_glass - less_if_glass}
+        rival = best._replace(
+            poses=best.poses + np.array((2.0, 2.0, 0.0)),
+            fit=best.fit._replace(**fit),
+            total=best.total - lower,
+        )
+        return is_proved(known, bent, path, [best, rival], [], [])
+
+    assert is_alone(0.12, less=0.04, less_if_glass=0.04)
+    assert not is_alone(0.12, less=0.04)
+    assert not is_alone(0.12, less_if_glass=0.04)
+    assert not is_alone(0.08, less=0.04, less_if_glass=0.04)
+    assert not is_alone(0.12, less=0.04, less_if_glass=0.04, path=1.2)
+
+
 def test_a_short_path_refutes_less():
     sums = [refuting_sum(path) for path in (0.0, 0.5 * FULL_M, FULL_M, 2.0 * FULL_M)]
 

@@ -63,6 +63,11 @@ MIN_GLASS_SCANS = 4
 LOW_SHARE = 0.1
 """Share of the scans that may be less distinct than what is the distinctness of all."""
 
+UNKNOWN_WEIGHT = 2.0 / 3.0
+"""A return of which the map says nothing is explained by this share: it is a third as improbable in
+the right place as one that contradicts the map, and in a wrong place more probable than one on a
+wall."""
+
 MIN_DISTINCT = 5.0
 """Scans with less than this to count are not looked at for distinctness."""
 
@@ -81,6 +86,9 @@ class Fit(NamedTuple):
     num_counted : number of returns where the map is known.
     detail : of these returns, the share on walls that are not straight.
     solid_agreement : the agreement if no beam passed through any wall.
+    explained : share of all returns that the place explains: those on walls, and of those that are
+        not counted :data:`UNKNOWN_WEIGHT`.
+    explained_if_glass : the same if any beam may have passed through glass to another wall.
     """
 
     score: float
@@ -89,6 +97,8 @@ class Fit(NamedTuple):
     num_counted: int
     detail: float = 0.0
     solid_agreement: float = math.nan
+    explained: float = 0.0
+    explained_if_glass: float = 0.0
 
     @property
     def if_solid(self) -> Fit:
@@ -182,10 +192,19 @@ class FitJudge:
         if not self._knows_passes and _is_behind_glass(counts, num_counted):
             counts[:, BEHIND_WALL] -= counts[:, ON_WALL_BEHIND]
         agreement, num_counted = _agreement(counts)
-        on_wall, straight = counts[:, [ON_WALL, ON_STRAIGHT_WALL]].sum(axis=0).tolist()
-        score = mean_probability(float(total) / num_points)
-        detail = (on_wall - straight) / max(num_counted, 1)
-        return Fit(score, agreement, _distinctness(counts), num_counted, detail, solid_agreement)
+        columns = [ON_WALL, ON_STRAIGHT_WALL, ON_WALL_BEHIND]
+        on_wall, straight, through = counts[:, columns].sum(axis=0).tolist()
+        explained = on_wall + UNKNOWN_WEIGHT * (num_points - num_counted)
+        return Fit(
+            mean_probability(float(total) / num_points),
+            agreement,
+            _distinctness(counts),
+            num_counted,
+            (on_wall - straight) / max(num_counted, 1),
+            solid_agreement,
+            explained / num_points,
+            (explained + through) / num_points,
+        )
 
 
 def _thin_objects(grid: CellGrid, limits: FitLimits) -> tuple[IntArray, ...]:
