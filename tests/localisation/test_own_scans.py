@@ -106,6 +106,7 @@ def test_most_beams_of_several_scans_end_behind_glass():
 
     assert fit.solid_agreement < 0.5
     assert fit.agreement > 0.95
+    assert fit.explained < fit.explained_if_glass <= 1.0
 
 
 def test_a_single_scan_shows_no_glass():

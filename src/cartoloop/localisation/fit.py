@@ -64,9 +64,8 @@ LOW_SHARE = 0.1
 """Share of the scans that may be less distinct than what is the distinctness of all."""
 
 UNKNOWN_WEIGHT = 2.0 / 3.0
-"""A return of which the map says nothing is explained by this share: it is a third as improbable in
-the right place as one that contradicts the map, and in a wrong place more probable than one on a
-wall."""
+"""A return about which the map says nothing is explained by this share: it speaks against a place,
+but by a third of what a return that contradicts the map does."""
 
 MIN_DISTINCT = 5.0
 """Scans with less than this to count are not looked at for distinctness."""
@@ -88,7 +87,7 @@ class Fit(NamedTuple):
     solid_agreement : the agreement if no beam passed through any wall.
     explained : share of all returns that the place explains: those on walls, and of those that are
         not counted :data:`UNKNOWN_WEIGHT`.
-    explained_if_glass : the same if any beam may have passed through glass to another wall.
+    explained_if_glass : the same if all beams that end on walls behind others passed through glass.
     """
 
     score: float
@@ -188,13 +187,14 @@ class FitJudge:
             grid, self._marks, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
             np.ascontiguousarray(beam_origins), poses, counts,
         )  # fmt: skip
-        solid_agreement, num_counted = _agreement(counts)
-        if not self._knows_passes and _is_behind_glass(counts, num_counted):
+        solid_agreement, num_solid = _agreement(counts)
+        if not self._knows_passes and _is_behind_glass(counts, num_solid):
             counts[:, BEHIND_WALL] -= counts[:, ON_WALL_BEHIND]
         agreement, num_counted = _agreement(counts)
         columns = [ON_WALL, ON_STRAIGHT_WALL, ON_WALL_BEHIND]
         on_wall, straight, through = counts[:, columns].sum(axis=0).tolist()
         explained = on_wall + UNKNOWN_WEIGHT * (num_points - num_counted)
+        if_glass = on_wall + through + UNKNOWN_WEIGHT * (num_points - num_solid)
         return Fit(
             mean_probability(float(total) / num_points),
             agreement,
@@ -203,7 +203,7 @@ class FitJudge:
             (on_wall - straight) / max(num_counted, 1),
             solid_agreement,
             explained / num_points,
-            (explained + through) / num_points,
+            if_glass / num_points,
         )
 
 

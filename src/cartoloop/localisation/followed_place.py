@@ -64,6 +64,15 @@ returns that is lower by the first, also if all beams might pass through glass, 
 second on [m]: where the map is blurred, or ends, the right place has a low score, and what
 contradicts a wrong place shows which one it is."""
 
+IMAGE_EXPLAINED, IMAGE_PATH_M, IMAGE_DETAIL = 0.82, 1.5, 0.4
+"""In a map without own scans it is not known how well scans fit where they were taken. There the
+place must explain the first share of the returns, from a path of the second on [m], and the third
+share must lie on walls that are not straight. In maps of other buildings places explained 0.81."""
+
+IMAGE_MARGIN_OF_SCAN, IMAGE_MARGIN = 0.1, 0.05
+"""Every other place must explain a share that is lower by the first, of a single view, and by the
+second, of a path of `FULL_M`; in between it falls linearly."""
+
 NEWEST_PARTS, NEWEST_SUM = 3, 1.85
 """Of the newest part of the scans, one of the first number, agreement and distinctness must add up
 to the second: where a building is built alike only in part, the newest scans contradict first."""
@@ -242,13 +251,62 @@ def is_proved(
     )
 
 
-def _explains_less(best: FollowedPlace, other: FollowedPlace, path: float) -> bool:
-    """Return whether a place explains clearly less than the best, see :data:`EXPLAINED_MARGIN`."""
+def is_proved_in_image(
+    known: KnownMap,
+    composite: Composite,
+    path: float,
+    followed: Sequence[FollowedPlace],
+    others: Iterable[Pose],
+) -> bool:
+    """Return whether scans that are matched one by one prove the first place in an image.
+
+    Parameters
+    ----------
+    path, followed : as for :func:`is_proved`.
+    others : all further places that have to be refuted.
+    """
+    best = followed[0]
+    if (
+        known.has_own_fits
+        or path < IMAGE_PATH_M
+        or len(composite.scans) < 2
+        or best.fit.explained < IMAGE_EXPLAINED
+        or best.fit.detail < IMAGE_DETAIL
+        or best.fit.num_counted < MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
+        or not _newest_agree(known, composite, best)
+    ):
+        return False
+    share = min(path / FULL_M, 1.0)
+    margin = IMAGE_MARGIN_OF_SCAN + share * (IMAGE_MARGIN - IMAGE_MARGIN_OF_SCAN)
+
+    def is_refuted(other: FollowedPlace) -> bool:
+        is_same = is_same_place(other.pose, best.pose)
+        return is_same or _explains_less(best, other, path, margin)
+
+    if not all(map(is_refuted, followed[1:])):
+        return False
+    least = best.total - RIVAL_SUM
+    return all(
+        not _may_reach(known, composite, pose, least)
+        or is_refuted(follow_in(known, composite, pose))
+        for pose in others
+    )
+
+
+def _explains_less(
+    best: FollowedPlace, other: FollowedPlace, path: float, margin: float = EXPLAINED_MARGIN
+) -> bool:
+    """Return whether a place explains clearly less than the best, see :data:`EXPLAINED_MARGIN`.
+
+    Parameters
+    ----------
+    margin : by which it must explain less if no beam passes through glass.
+    """
     here, there = best.fit, other.fit
     return (
         path >= EXPLAINED_PATH_M
         and best.total - other.total >= RIVAL_SUM
-        and here.explained - there.explained >= EXPLAINED_MARGIN
+        and here.explained - there.explained >= margin
         and here.explained_if_glass - there.explained_if_glass >= EXPLAINED_MARGIN
     )
 
