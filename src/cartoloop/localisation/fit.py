@@ -165,6 +165,15 @@ class FitJudge:
         self._marks[passes >= MIN_PASSES] |= SEEN_THROUGH
         self._knows_passes = True
 
+    def score(self, scans: ScanPoints, poses: FloatArray) -> float:
+        """Return the mean probability at the returns of scans, at least one; see :meth:`fit`."""
+        grid = self._grid
+        total = sum_at_points(
+            grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
+            scans.points, scans.firsts, scans.ends, poses,
+        )  # fmt: skip
+        return mean_probability(float(total) / int(scans.counts.sum()))
+
     def fit(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> Fit:
         """Return how well scans fit together.
 
@@ -178,10 +187,6 @@ class FitJudge:
         if num_points == 0:
             return Fit(0.0, math.nan, math.nan, 0)
         grid = self._grid
-        total = sum_at_points(
-            grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
-            scans.points, scans.firsts, scans.ends, poses,
-        )  # fmt: skip
         counts = np.zeros((len(scans), 5), dtype=np.int64)
         count_fit(
             grid, self._marks, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
@@ -196,7 +201,7 @@ class FitJudge:
         explained = on_wall + UNKNOWN_WEIGHT * (num_points - num_counted)
         if_glass = on_wall + through + UNKNOWN_WEIGHT * (num_points - num_solid)
         return Fit(
-            mean_probability(float(total) / num_points),
+            self.score(scans, poses),
             agreement,
             _distinctness(counts),
             num_counted,
