@@ -67,7 +67,8 @@ contradicts a wrong place shows which one it is."""
 IMAGE_EXPLAINED, IMAGE_PATH_M, IMAGE_DETAIL = 0.85, 1.5, 0.4
 """In a map without own scans it is not known how well scans fit where they were taken. There the
 place must explain the first share of the returns, from a path of the second on [m], and the third
-share must lie on walls that are not straight. In maps of other buildings places explained up to 0.81."""
+share must lie on walls that are not straight. In maps of other buildings places explained 0.81 at
+most."""
 
 IMAGE_MARGIN_OF_SCAN, IMAGE_MARGIN = 0.1, 0.05
 """Every other place must explain a share that is lower by the first, of a single view, and by the
