@@ -17,7 +17,14 @@ from cartoloop.kernels.correlative import (
     match_correlative,
 )
 from cartoloop.kernels.smooth_map import SmoothMap
-from cartoloop.kernels.window_bounds import GridPart, box_sizes, index_points, quantize_cells
+from cartoloop.kernels.window_bounds import (
+    GridPart,
+    box_sizes,
+    index_points,
+    keep_higher,
+    least_byte,
+    quantize_cells,
+)
 from tests.reference.naive_correlative import exhaustive_match, naive_scores, nearest_probability
 
 UNKNOWN, RESOLUTION = 0.1, 0.05
@@ -151,6 +158,16 @@ def test_bytes_are_probabilities_rounded_up(seed, first_col, first_row, shape):
     excess = cells.reshape(shape) - 255.0 * exact
     assert (excess >= -1e-4).all()
     assert (excess < 1.0 + 1e-4).all()
+
+
+@given(values=st.lists(st.integers(26, 40), min_size=1, max_size=30), first=st.integers(0, 3))
+def test_points_above_the_least_byte_are_moved_in_front(values, first):
+    cells = np.array([0, *values], dtype=np.uint8)
+    index = np.arange(1 - first, len(values) + 1, dtype=np.int32)
+    least = least_byte(UNKNOWN)
+    total, count = keep_higher(cells, index, first, len(values), least)
+    assert total == sum(values)
+    assert cells[index[first : first + count]].tolist() == [v for v in values if v > least]
 
 
 @pytest.mark.parametrize("width", range(1, 30))

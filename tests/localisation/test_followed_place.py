@@ -23,6 +23,7 @@ from cartoloop.localisation.followed_place import (
     follow_in,
     has_rival,
     is_proved,
+    is_proved_in_image,
     needed_sum,
     refuting_sum,
     sum_of,
@@ -129,6 +130,26 @@ def test_along_straight_walls_a_lower_score_refutes(known, bent):
     assert not is_proved(known, bent, PATH_M, [best, rival(score=lower)], [], [])
 
 
+def test_a_place_that_explains_less_is_no_rival(known, bent):
+    best = follow_best(known, bent, [NEWEST])[0]
+    explained, if_glass = best.fit.explained, best.fit.explained_if_glass
+
+    def is_alone(lower, *, less=0.0, less_if_glass=0.0, path=PATH_M, **fit):
+        fit |= {"explained": explained - less, "explained_if_glass": if_glass - less_if_glass}
+        rival = best._replace(
+            poses=best.poses + np.array((2.0, 2.0, 0.0)),
+            fit=best.fit._replace(**fit),
+            total=best.total - lower,
+        )
+        return is_proved(known, bent, path, [best, rival], [], [])
+
+    assert is_alone(0.12, less=0.04, less_if_glass=0.04)
+    assert not is_alone(0.12, less=0.04)
+    assert not is_alone(0.12, less_if_glass=0.04)
+    assert not is_alone(0.08, less=0.04, less_if_glass=0.04)
+    assert not is_alone(0.12, less=0.04, less_if_glass=0.04, path=1.2)
+
+
 def test_a_short_path_refutes_less():
     sums = [refuting_sum(path) for path in (0.0, 0.5 * FULL_M, FULL_M, 2.0 * FULL_M)]
 
@@ -187,6 +208,47 @@ def test_nothing_is_proved_in_a_map_without_own_scans(bent):
 
     assert followed[0].total > needed_sum(PATH_M, len(TRUTH))
     assert not is_proved(foreign, bent, PATH_M, followed, [], [])
+
+
+def test_in_an_image_the_place_that_explains_most_is_proved(bent):
+    foreign = known_map(ROOM)
+    best = follow_best(foreign, bent, [NEWEST])[0]
+    best = best._replace(fit=best.fit._replace(detail=0.41))
+
+    def rival(less):
+        fit = best.fit._replace(
+            explained=best.fit.explained - less,
+            explained_if_glass=best.fit.explained_if_glass - less,
+        )
+        elsewhere = best.poses + np.array((2.0, 2.0, 0.0))
+        return best._replace(poses=elsewhere, fit=fit, total=best.total - 0.2)
+
+    def is_alone(followed, path=PATH_M, others=()):
+        return is_proved_in_image(foreign, bent, path, followed, others)
+
+    assert is_alone([best, rival(0.08)])
+    assert not is_alone([best, rival(0.06)])
+    assert is_alone([best, rival(0.06)], path=FULL_M)
+    assert is_alone([best], others=[NEWEST])
+    assert not is_alone([best], path=1.4)
+    for fit in ({"explained": 0.81}, {"detail": 0.39}, {"num_counted": 10}):
+        assert not is_alone([best._replace(fit=best.fit._replace(**fit))])
+
+
+def test_in_an_image_other_places_are_followed(monkeypatch):
+    box, scans, newest, turned = in_a_box()
+    box.has_own_fits = False
+    monkeypatch.setattr(followed_place, "IMAGE_DETAIL", 0.0)
+    followed = follow_best(box, scans, [newest])
+
+    assert is_proved_in_image(box, scans, PATH_M, followed, [])
+    assert not is_proved_in_image(box, scans, PATH_M, followed, [turned])
+
+
+def test_a_map_with_own_scans_is_no_image(known, bent):
+    followed = follow_best(known, bent, [NEWEST])
+
+    assert not is_proved_in_image(known, bent, PATH_M, followed, [])
 
 
 def test_newest_scans_that_contradict_forbid_a_claim(known, monkeypatch):

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.localisation.fit import MIN_GLASS_SCANS, FitJudge
+from cartoloop.localisation.fit import MIN_GLASS_SCANS, UNKNOWN_WEIGHT, FitJudge
 from cartoloop.localisation.known_map import known_map_of
 from cartoloop.localisation.own_scans import learn_from_own_scans
 from cartoloop.sensor.pose import IDENTITY, Pose
@@ -106,12 +106,26 @@ def test_most_beams_of_several_scans_end_behind_glass():
 
     assert fit.solid_agreement < 0.5
     assert fit.agreement > 0.95
+    assert fit.explained < fit.explained_if_glass <= 1.0
 
 
 def test_a_single_scan_shows_no_glass():
     fit = fit_within_screen(points(ROOM, START), count=1)
 
     assert fit.agreement == fit.solid_agreement < 0.5
+    assert fit.explained < 0.5
+    assert fit.explained_if_glass > 0.95
+
+
+def test_unknown_returns_are_explained_in_part():
+    known = known_map(BOX)
+    scan = points(BOX, START)
+    scan[: len(scan) // 2] += (400.0, 0.0)  # nothing is known there
+
+    fit = known.fit(scan, IDENTITY, START)
+
+    assert fit.agreement > 0.95
+    assert math.isclose(fit.explained, 0.5 + 0.5 * UNKNOWN_WEIGHT, abs_tol=0.03)
 
 
 def test_beams_that_end_on_floor_show_no_glass():

@@ -29,9 +29,10 @@ from cartoloop.kernels.window_bounds import (
     bounding_grids,
     box_sizes,
     index_points,
+    keep_higher,
+    least_byte,
     packed_node,
     push_quarters,
-    sum_one,
     unpacked_node,
 )
 
@@ -89,12 +90,17 @@ class RotationBoxes(NamedTuple):
     cells : uint8, grids of maxima over the boxes of each level, `area` bytes each.
     indices : int32, shape (num_rotations * num_points,), where points look up the window's first
         cell, in cells.
+    num_higher : int64, shape (num_rotations,), of these points those in the front that have more
+        than the least byte anywhere in the window.
+    least : the least byte.
     sizes : int64, shape (num_levels,), see :func:`window_bounds.box_sizes`.
     area, row_length : of a grid [cells].
     """
 
     cells: ByteArray
     indices: CellArray
+    num_higher: IntArray
+    least: int
     sizes: IntArray
     area: int
     row_length: int
@@ -189,6 +195,8 @@ def search_rotation(
     num_points, half_width = cols.size, window.half_width
     width = 2 * half_width + 1
     box_cells, indices, sizes = boxes.cells, boxes.indices, boxes.sizes
+    num_higher = boxes.num_higher[number]
+    others = boxes.least * (num_points - num_higher)
     turn = number - window.half_num_rotations
     stack[0] = packed_node(np.int64(MAX_BYTE) * num_points, 0, 0, 0)
     height = 1
@@ -199,8 +207,8 @@ def search_rotation(
             continue
         if level < sizes.size - 1:
             height = push_quarters(
-                box_cells, indices, number * num_points, num_points, boxes.area, boxes.row_length,
-                sizes, stack[height], stack, height,
+                box_cells, indices, number * num_points, num_higher, boxes.area, boxes.row_length,
+                sizes, others, stack[height], stack, height,
             )  # fmt: skip
             continue
         dx = col - half_width
@@ -265,7 +273,8 @@ def match_correlative(
     sizes = box_sizes(2 * half_width + 1)
     cells = grid_cells[: sizes.size * area]
     bounding_grids(map_cells, unknown, part, sizes, cells)
-    boxes = RotationBoxes(cells, index, sizes, area, part.row_length)
+    num_higher, least = np.empty(num_rotations, dtype=np.int64), least_byte(unknown)
+    boxes = RotationBoxes(cells, index, num_higher, least, sizes, area, part.row_length)
     # A sum of bytes times its rotation's factor is no less than the score of any candidate in the
     # box times its penalty, although that score is a rounded sum of float32.
     rounding = 1.0 + ROUNDING * (num_points + _EXTRA_ROUNDINGS)
@@ -273,7 +282,8 @@ def match_correlative(
     for j in range(num_rotations):
         delta = limits.rotation_weight * abs((j - half_num_rotations) * step)
         factors[j] = math.exp(-delta * delta) * rounding / (MAX_BYTE * num_points)
-        bounds[j] = sum_one(cells, index, j * num_points, num_points, 0) * factors[j]
+        total, num_higher[j] = keep_higher(cells, index, j * num_points, num_points, least)
+        bounds[j] = total * factors[j]
     stack = np.empty(4 * sizes.size + 1, dtype=np.int64)
     best, steps = np.zeros(3), np.zeros(3, dtype=np.int64)
     best[WEIGHTED] = -1.0

@@ -3,7 +3,8 @@
 
 Probabilities rounded up to bytes, and the maxima of these over boxes of several sizes, bound the
 scores of all translations in a box by one look-up for each point. Sums of bytes are whole numbers,
-exact in any order.
+exact in any order. Points that have the least byte in the whole window have it in each box as well:
+most of them, where a scan shows a new place.
 
 A node of the tree is one number, so that nodes are in the order of their sums: ::
 
@@ -108,6 +109,12 @@ def index_points(
 
 
 @borrowing_kernel
+def least_byte(unknown: float) -> int:
+    """Return the least byte of :func:`quantize_cells`, that of a cell never observed."""
+    return int(np.uint8(np.ceil(np.float32(unknown) * np.float32(MAX_BYTE))))
+
+
+@borrowing_kernel
 def quantize_cells(
     grid: NDArray[np.float32], unknown: float, part: GridPart, out_cells: ByteArray
 ) -> None:
@@ -124,7 +131,7 @@ def quantize_cells(
     num_rows, num_cols = grid.shape
     scale = np.float32(MAX_BYTE)
     least = np.float32(unknown)
-    out_cells[:] = np.uint8(np.ceil(least * scale))
+    out_cells[:] = least_byte(unknown)
     begin = max(-first_col, 0)
     end = min(num_cols - first_col, row_length)
     if begin >= end:
@@ -165,14 +172,32 @@ def bounding_grids(
 
 
 @borrowing_kernel
-def sum_one(
-    cells: ByteArray, index: CellArray, first: int, num_points: int, shift: int
-) -> np.int64:
-    """Return the sum of the cells at ``index[first : first + num_points] + shift``."""
-    total = np.int64(0)
+def keep_higher(
+    cells: ByteArray, index: CellArray, first: int, num_points: int, least: int
+) -> tuple[np.int64, np.int64]:
+    """Move the points whose cells are higher than the least value to the front, in their order.
+
+    The others have the least value in every box within that of their cell.
+
+    Parameters
+    ----------
+    cells : grid of maxima over the largest boxes.
+    index : int32, shape (n,): where points look up; of these the points to look at are `num_points`
+        from `first` on. The places behind those moved to the front remain of no use.
+    least : the least value of any cell.
+
+    Returns
+    -------
+    The sum of the cells of all points, and the number of those moved to the front.
+    """
+    total, num_kept = np.int64(0), np.int64(0)
     for k in range(first, first + num_points):
-        total += np.int64(cells[np.uint64(index[np.uint64(k)] + shift)])  # unsigned: no wraparound
-    return total
+        at = index[k]
+        value = np.int64(cells[np.uint64(at)])
+        index[first + num_kept] = at
+        num_kept += value > least
+        total += value
+    return total, num_kept
 
 
 @borrowing_kernel
@@ -185,7 +210,10 @@ def sum_quarters(
     right: int,
     above: int,
 ) -> tuple[np.int64, np.int64, np.int64, np.int64]:
-    """Return the sums as :func:`sum_one`, and of the cells to the right, above, above right."""
+    """Return the sums of the cells at ``index[first : first + num_points] + shift``.
+
+    Also of those to the right, above, and above right.
+    """
     a, b, c, d = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for k in range(first, first + num_points):
         i = np.uint64(index[np.uint64(k)] + shift)  # unsigned: no test for counts from the end
@@ -219,6 +247,7 @@ def push_quarters(
     area: int,
     row_length: int,
     sizes: IntArray,
+    others: int,
     node: int,
     stack: IntArray,
     top: int,
@@ -230,6 +259,7 @@ def push_quarters(
     cells, area, row_length : grids of maxima over the boxes of each level, `area` bytes each.
     index, first, num_points : where the points at the rotation look up the window's first cell.
     sizes : int64, shape (num_levels,), see :func:`box_sizes`.
+    others : what further points add to each sum.
     node : it is not of the last level.
     stack : int64, shape (m,): nodes.
     top : height of the stack.
@@ -241,9 +271,10 @@ def push_quarters(
     here, right, above, corner = sum_quarters(
         cells, index, first, num_points, shift, step, step * row_length
     )
-    a, b = packed_node(here, level, row, col), packed_node(right, level, row, col + step)
-    c = packed_node(above, level, row + step, col)
-    d = packed_node(corner, level, row + step, col + step)
+    a = packed_node(here + others, level, row, col)
+    b = packed_node(right + others, level, row, col + step)
+    c = packed_node(above + others, level, row + step, col)
+    d = packed_node(corner + others, level, row + step, col + step)
     a, b, c, d = min(a, b), max(a, b), min(c, d), max(c, d)
     a, b, c, d = min(a, c), min(b, d), max(a, c), max(b, d)
     stack[top], stack[top + 1], stack[top + 2], stack[top + 3] = a, min(b, c), max(b, c), d

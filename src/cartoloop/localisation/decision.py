@@ -42,6 +42,7 @@ from cartoloop.localisation.followed_place import (
     follow_best,
     has_rival,
     is_proved,
+    is_proved_in_image,
 )
 from cartoloop.localisation.global_search import is_same_place
 from cartoloop.localisation.known_map import KnownMap
@@ -142,7 +143,7 @@ def decide(
         if claim is not None:
             return Decision(claim, (), searched.runner_up)
     places = [each.tf_map_tracking for each in searched.candidates]
-    followed = follow_best(known, composite, places, before.kept) if known.has_own_fits else []
+    followed = follow_best(known, composite, places, before.kept)
     if needed is not None and searched.are_all and not before.is_undecided:
         claim = _claim_by_path(known, composite, path, followed, searched)
         if claim is not None:
@@ -222,8 +223,12 @@ def _claim_by_path(
     listed = [place.tf_map_tracking for place in searched.candidates]
     rest = (place.tf_map_tracking for place in searched.rest)
     unlisted = (p.tf_map_tracking for p in unlisted_places(known, composite, path, searched))
-    is_proof = is_proved(known, composite, path, followed, listed, chain(rest, unlisted))
-    return Claim(followed[0].pose) if is_proof else None
+    others = chain(rest, unlisted)
+    if known.has_own_fits:
+        is_proof = is_proved(known, composite, path, followed, listed, others)
+        return Claim(followed[0].pose) if is_proof else None
+    is_proof = is_proved_in_image(known, composite, path, followed, chain(listed, others))
+    return Claim(followed[0].pose, followed[0].fit.agreement) if is_proof else None
 
 
 def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candidate) -> bool:

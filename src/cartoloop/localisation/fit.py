@@ -63,6 +63,10 @@ MIN_GLASS_SCANS = 4
 LOW_SHARE = 0.1
 """Share of the scans that may be less distinct than what is the distinctness of all."""
 
+UNKNOWN_WEIGHT = 2.0 / 3.0
+"""A return about which the map says nothing is explained by this share: it speaks against a place,
+but by a third of what a return that contradicts the map does."""
+
 MIN_DISTINCT = 5.0
 """Scans with less than this to count are not looked at for distinctness."""
 
@@ -81,6 +85,9 @@ class Fit(NamedTuple):
     num_counted : number of returns where the map is known.
     detail : of these returns, the share on walls that are not straight.
     solid_agreement : the agreement if no beam passed through any wall.
+    explained : share of all returns that the place explains: those on walls, and of those that are
+        not counted :data:`UNKNOWN_WEIGHT`.
+    explained_if_glass : the same if all beams that end on walls behind others passed through glass.
     """
 
     score: float
@@ -89,6 +96,8 @@ class Fit(NamedTuple):
     num_counted: int
     detail: float = 0.0
     solid_agreement: float = math.nan
+    explained: float = 0.0
+    explained_if_glass: float = 0.0
 
     @property
     def if_solid(self) -> Fit:
@@ -156,6 +165,15 @@ class FitJudge:
         self._marks[passes >= MIN_PASSES] |= SEEN_THROUGH
         self._knows_passes = True
 
+    def score(self, scans: ScanPoints, poses: FloatArray) -> float:
+        """Return the mean probability at the returns of scans, at least one; see :meth:`fit`."""
+        grid = self._grid
+        total = sum_at_points(
+            grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
+            scans.points, scans.firsts, scans.ends, poses,
+        )  # fmt: skip
+        return mean_probability(float(total) / int(scans.counts.sum()))
+
     def fit(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> Fit:
         """Return how well scans fit together.
 
@@ -169,23 +187,29 @@ class FitJudge:
         if num_points == 0:
             return Fit(0.0, math.nan, math.nan, 0)
         grid = self._grid
-        total = sum_at_points(
-            grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
-            scans.points, scans.firsts, scans.ends, poses,
-        )  # fmt: skip
         counts = np.zeros((len(scans), 5), dtype=np.int64)
         count_fit(
             grid, self._marks, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
             np.ascontiguousarray(beam_origins), poses, counts,
         )  # fmt: skip
-        solid_agreement, num_counted = _agreement(counts)
-        if not self._knows_passes and _is_behind_glass(counts, num_counted):
+        solid_agreement, num_solid = _agreement(counts)
+        if not self._knows_passes and _is_behind_glass(counts, num_solid):
             counts[:, BEHIND_WALL] -= counts[:, ON_WALL_BEHIND]
         agreement, num_counted = _agreement(counts)
-        on_wall, straight = counts[:, [ON_WALL, ON_STRAIGHT_WALL]].sum(axis=0).tolist()
-        score = mean_probability(float(total) / num_points)
-        detail = (on_wall - straight) / max(num_counted, 1)
-        return Fit(score, agreement, _distinctness(counts), num_counted, detail, solid_agreement)
+        columns = [ON_WALL, ON_STRAIGHT_WALL, ON_WALL_BEHIND]
+        on_wall, straight, through = counts[:, columns].sum(axis=0).tolist()
+        explained = on_wall + UNKNOWN_WEIGHT * (num_points - num_counted)
+        if_glass = on_wall + through + UNKNOWN_WEIGHT * (num_points - num_solid)
+        return Fit(
+            self.score(scans, poses),
+            agreement,
+            _distinctness(counts),
+            num_counted,
+            (on_wall - straight) / max(num_counted, 1),
+            solid_agreement,
+            explained / num_points,
+            if_glass / num_points,
+        )
 
 
 def _thin_objects(grid: CellGrid, limits: FitLimits) -> tuple[IntArray, ...]:

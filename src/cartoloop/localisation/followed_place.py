@@ -58,6 +58,22 @@ REFUTING_SUM_OF_SCAN, REFUTING_SUM = 0.4, 0.25
 """A place is refuted by one whose sum is larger by the first, of a single view, and by the second,
 of a path of `FULL_M`; in between it falls linearly."""
 
+EXPLAINED_MARGIN, EXPLAINED_PATH_M = 0.03, 1.3
+"""A place whose sum is lower by :data:`RIVAL_SUM` is also refuted if it explains a share of the
+returns that is lower by the first, also if all beams might pass through glass, from a path of the
+second on [m]: where the map is blurred, or ends, the right place has a low score, and what
+contradicts a wrong place shows which one it is."""
+
+IMAGE_EXPLAINED, IMAGE_PATH_M, IMAGE_DETAIL = 0.85, 1.5, 0.4
+"""In a map without own scans it is not known how well scans fit where they were taken. There the
+place must explain the first share of the returns, from a path of the second on [m], and the third
+share must lie on walls that are not straight. In maps of other buildings places explained 0.81 at
+most."""
+
+IMAGE_MARGIN_OF_SCAN, IMAGE_MARGIN = 0.1, 0.05
+"""Every other place must explain a share that is lower by the first, of a single view, and by the
+second, of a path of `FULL_M`; in between it falls linearly."""
+
 NEWEST_PARTS, NEWEST_SUM = 3, 1.85
 """Of the newest part of the scans, one of the first number, agreement and distinctness must add up
 to the second: where a building is built alike only in part, the newest scans contradict first."""
@@ -216,15 +232,83 @@ def is_proved(
     if not _newest_agree(known, composite, best):
         return False
     least = best.total - refuting_sum(path)
-    is_rival = partial(_is_rival, best, least, needed_margin(path))
+    margin = needed_margin(path)
+
+    def is_rival(other: FollowedPlace) -> bool:
+        return _is_rival(best, least, margin, other) and not _explains_less(best, other, path)
+
+    def outscores(other: FollowedPlace) -> bool:
+        is_other = not is_same_place(other.pose, best.pose)
+        is_higher = other.fit.score > best.fit.score + 0.5 * margin
+        return is_higher and is_other and not _explains_less(best, other, path)
+
     if any(is_rival(place) for place in followed[1:]):
         return False
-    most = best.fit.score + 0.5 * needed_margin(path)
-    if any(_outscores(known, composite, pose, best, most) for pose in listed):
+    if any(outscores(follow_in(known, composite, pose)) for pose in listed):
         return False
     return not any(
         _may_reach(known, composite, pose, least) and is_rival(follow_in(known, composite, pose))
         for pose in others
+    )
+
+
+def is_proved_in_image(
+    known: KnownMap,
+    composite: Composite,
+    path: float,
+    followed: Sequence[FollowedPlace],
+    others: Iterable[Pose],
+) -> bool:
+    """Return whether scans that are matched one by one prove the first place in an image.
+
+    Parameters
+    ----------
+    path, followed : as for :func:`is_proved`.
+    others : all further places that have to be refuted.
+    """
+    best = followed[0]
+    if (
+        known.has_own_fits
+        or path < IMAGE_PATH_M
+        or len(composite.scans) < 2
+        or best.fit.explained < IMAGE_EXPLAINED
+        or best.fit.detail < IMAGE_DETAIL
+        or best.fit.num_counted < MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
+        or not _newest_agree(known, composite, best)
+    ):
+        return False
+    share = min(path / FULL_M, 1.0)
+    margin = IMAGE_MARGIN_OF_SCAN + share * (IMAGE_MARGIN - IMAGE_MARGIN_OF_SCAN)
+
+    def is_refuted(other: FollowedPlace) -> bool:
+        is_same = is_same_place(other.pose, best.pose)
+        return is_same or _explains_less(best, other, path, margin)
+
+    if not all(map(is_refuted, followed[1:])):
+        return False
+    least = best.total - RIVAL_SUM
+    return all(
+        not _may_reach(known, composite, pose, least)
+        or is_refuted(follow_in(known, composite, pose))
+        for pose in others
+    )
+
+
+def _explains_less(
+    best: FollowedPlace, other: FollowedPlace, path: float, margin: float = EXPLAINED_MARGIN
+) -> bool:
+    """Return whether a place explains clearly less than the best, see :data:`EXPLAINED_MARGIN`.
+
+    Parameters
+    ----------
+    margin : by which it must explain less if no beam passes through glass.
+    """
+    here, there = best.fit, other.fit
+    return (
+        path >= EXPLAINED_PATH_M
+        and best.total - other.total >= RIVAL_SUM
+        and here.explained - there.explained >= margin
+        and here.explained_if_glass - there.explained_if_glass >= EXPLAINED_MARGIN
     )
 
 
@@ -278,14 +362,6 @@ def _is_rival(best: FollowedPlace, least: float, margin: float, other: FollowedP
         and best.fit.score - other.fit.score >= margin
     )
     return other.total > least and not shows_less and not is_same_place(other.pose, best.pose)
-
-
-def _outscores(
-    known: KnownMap, composite: Composite, tf_map_newest: Pose, best: FollowedPlace, most: float
-) -> bool:
-    """Return whether the scans, each matched, have a score above `most` in another place."""
-    place = follow_in(known, composite, tf_map_newest)
-    return place.fit.score > most and not is_same_place(place.pose, best.pose)
 
 
 def _newest_agree(known: KnownMap, composite: Composite, place: FollowedPlace) -> bool:

@@ -11,7 +11,6 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.localisation.decision import MIN_POINTS, Claim
 from cartoloop.localisation.doubt import Doubt
-from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.local_motion import LocalScan
 from cartoloop.localisation.tracking import MAP_SIGMA_M, MAP_SIGMA_RAD, Tracker
@@ -105,7 +104,9 @@ class Following:
         length = math.hypot(step.x, step.y)
         self.doubt.add(self._agreement / usual, length, duration, standing)
 
-    def fit(self, scan: LocalScan) -> Fit:
-        """Return how well the last scan fits; its agreement is that of the correction."""
-        fit = self._known.fit(scan.points, scan.beam_origin, self.pose)
-        return fit if math.isnan(self._agreement) else fit._replace(agreement=self._agreement)
+    def fit(self, scan: LocalScan) -> tuple[float, float]:
+        """Return score and agreement of the last scan; the agreement is that of the correction."""
+        if math.isnan(self._agreement):
+            fit = self._known.fit(scan.points, scan.beam_origin, self.pose)
+            return fit.score, fit.agreement
+        return self._known.score(scan.points, self.pose), self._agreement

@@ -178,6 +178,11 @@ class KnownMap:
             np.array((tf_map_tracking,), dtype=np.float64),
         )
 
+    def score(self, points: FloatArray, tf_map_tracking: Pose) -> float:
+        """Return the score alone of :meth:`fit`: most of its time is spent along the beams."""
+        pose = np.array((self.to_grid(tf_map_tracking),), dtype=np.float64)
+        return self.judge.score(ScanPoints.of([points]), pose)
+
     def fit_all(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> Fit:
         """Return how well scans fit together.
 

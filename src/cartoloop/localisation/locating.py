@@ -183,10 +183,10 @@ class Locating:
     def _answer_of(self, scan: LocalScan) -> Answer:
         following, runner_up = self._following, self._search.decision.runner_up
         if following is not None:
-            fit = following.fit(scan)
+            score, agreement = following.fit(scan)
             return Answer(
                 scan.stamp, State.LOCATED, following.pose, following.covariance,
-                scan.tf_local_tracking, fit.score, runner_up, fit.agreement,
+                scan.tf_local_tracking, score, runner_up, agreement,
             )  # fmt: skip
         places = self._search.places_now(scan)
         state = State.AMBIGUOUS if places else State.SEARCHING
