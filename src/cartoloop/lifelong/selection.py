@@ -68,10 +68,9 @@ def select(
 
     Sessions are compared from the newest back, each with what later ones have seen: walls where a
     later session has seen floor on both sides fade, also by a few beams, and so does floor where
-    one has seen walls. A submap that
-    was driven through again, and was seen almost as a whole, is removed. What later sessions have
-    not seen, or had a glance at only, as with a few beams from afar, is handed over to their
-    submaps.
+    one has seen walls. A submap that was driven through again, and was seen almost as a whole, is
+    removed. What later sessions have not seen, or had a glance at only, as with a few beams from
+    afar, is handed over to their submaps.
 
     Parameters
     ----------
