@@ -3,49 +3,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
 import pytest
 
-from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.leaps import leap_places, leaps
 from cartoloop.quality.verdict import Severity
-
-
-@dataclass
-class Run:
-    stamps: np.ndarray
-    trajectory: np.ndarray
-
-    @property
-    def node_scan_index(self):
-        return np.arange(len(self.stamps))
-
-    @property
-    def graph(self):
-        graph = PoseGraph()
-        graph.add_nodes(self.trajectory)
-        return graph
-
-
-def drive(gap=5.0, leap=5.0, steps=0.2):
-    """Return a run at 1 m/s without some seconds and metres in the middle."""
-    count = 100
-    stamps = 100.0 + 0.2 * np.arange(count)
-    poses = np.zeros((count, 3))
-    poses[:, 0] = steps * np.arange(count)
-    stamps[50:] += gap
-    poses[50:, 0] += leap
-    return Run(stamps, poses)
+from tests.quality.gap_run import Run, drive
 
 
 def test_a_robot_that_drove_on_crossed_the_gap():
-    assert leaps(drive(gap=5.0, leap=5.0)) == []
+    assert leaps(drive(gap=5.0, moved=5.0)) == []
 
 
 def test_poses_faster_than_the_robot_are_doubtful():
-    run = drive(gap=5.0, leap=8.0)
+    run = drive(gap=5.0, moved=8.0)
     [event] = leaps(run)
     assert event.scan == 50
     assert event.seconds == pytest.approx(5.2)
@@ -57,9 +27,9 @@ def test_poses_faster_than_the_robot_are_doubtful():
 
 
 def test_steps_without_a_gap_are_no_leaps():
-    assert leaps(drive(gap=0.0, leap=8.0)) == []
+    assert leaps(drive(gap=0.0, moved=8.0)) == []
 
 
 def test_too_few_scans_show_no_speed():
-    run = drive(gap=5.0, leap=8.0)
+    run = drive(gap=5.0, moved=8.0)
     assert leaps(Run(run.stamps[40:60], run.trajectory[40:60])) == []

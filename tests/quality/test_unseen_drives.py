@@ -3,41 +3,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
-from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.pairs import Pairs
 from cartoloop.quality.unseen_drives import UNSEEN_M, unseen_drives, unseen_places
 from cartoloop.quality.verdict import Severity
+from tests.quality.gap_run import drive
 
 
-@dataclass
-class Run:
-    stamps: np.ndarray
-    trajectory: np.ndarray
-
-    @property
-    def node_scan_index(self):
-        return np.arange(len(self.stamps))
-
-    @property
-    def graph(self):
-        graph = PoseGraph()
-        graph.add_nodes(self.trajectory)
-        return graph
-
-
-def drive(gap=60.0, moved=30.0, steps=0.2):
-    """Return a run at 1 m/s without some seconds and metres in the middle."""
-    stamps, poses = 100.0 + 0.2 * np.arange(200), np.zeros((200, 3))
-    poses[:, 0] = steps * np.arange(200)
-    stamps[100:] += gap
-    poses[100:, 0] += moved
-    return Run(stamps, poses)
+def far_drive(**changes):
+    """Return a run at 1 m/s without a minute and 30 m in the middle."""
+    return drive(**{"gap": 60.0, "moved": 30.0, "half": 100} | changes)
 
 
 def visits(*pairs, contradict=False):
@@ -56,7 +34,7 @@ def visits(*pairs, contradict=False):
 
 
 def test_a_long_drive_that_no_scan_has_seen_is_doubtful():
-    run = drive()
+    run = far_drive()
     [event] = unseen_drives(run)
     assert (event.scan, event.moved) == (100, pytest.approx(30.2))
     [place] = unseen_places([event], visits(), run)
@@ -65,7 +43,7 @@ def test_a_long_drive_that_no_scan_has_seen_is_doubtful():
 
 
 def test_later_visits_confirm_where_it_led_to():
-    run = drive()
+    run = far_drive()
     agreeing = (10, 190), (20, 180)
     [place] = unseen_places(unseen_drives(run), visits(*agreeing), run)
     assert place.severity is Severity.MINOR
@@ -75,10 +53,10 @@ def test_later_visits_confirm_where_it_led_to():
 
 @pytest.mark.parametrize("change", [{"gap": 0.5}, {"moved": UNSEEN_M - 0.5}])
 def test_short_gaps_and_drives_are_none(change):
-    assert unseen_drives(drive(**change)) == []
+    assert unseen_drives(far_drive(**change)) == []
 
 
 def test_scans_by_distance_have_no_gaps_in_time():
-    run = drive(steps=1.0)
+    run = far_drive(steps=1.0)
     run.stamps[:] = np.cumsum(np.random.default_rng(1).exponential(3.0, 200))
     assert unseen_drives(run) == []

@@ -21,8 +21,8 @@ may run on another machine that shares the folder."""
 def unfinished_file(path: Path) -> Iterator[Path]:
     """Yield the name of a file to be written, which becomes `path` when the body is done.
 
-    If the body fails, it is removed, and an existing file at `path` is kept. So are files removed
-    that processes left which were killed before.
+    If the body fails, it is removed, and an existing file at `path` is kept. Old unfinished files
+    of killed processes are removed first.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def unfinished_file(path: Path) -> Iterator[Path]:
 
 
 def _remove_left(path: Path) -> None:
-    """Remove what processes left that were killed while they wrote a file."""
+    """Remove the unfinished files of processes that were killed."""
     for left in path.parent.glob(f".{escape(path.name)}.*"):
         with suppress(OSError):  # it does no harm where it cannot be removed
             pid = left.name.rpartition(".")[2]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gaps in a recording across which the robot drove far: only its odometry says where to.
+"""Gaps in a recording across which the robot drove far: no scan shows where to.
 
 So long as the poses moved as its speed has it, and scans on both sides are mapped well, nothing
-else speaks against them. But odometry over many metres, and turns, is wrong by decimetres and more.
+else speaks against them. But odometry, if there is any, is wrong by decimetres over many metres.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def unseen_places(found: list[Event], met: Encounters, content: MapContent) -> l
             Kind.GAP,
             Severity.MINOR if is_bridged(event, met, content) else Severity.DOUBTFUL,
             f"{event.seconds:.1f} s of the recording are missing, and the robot drove "
-            f"{event.moved:.1f} m meanwhile: nothing but its odometry says where to",
+            f"{event.moved:.1f} m meanwhile: no scan shows where to",
             PARTS_ALONE,
         )
         for event in found
