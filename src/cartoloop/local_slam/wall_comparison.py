@@ -70,6 +70,7 @@ class Comparison(NamedTuple):
     noise : standard deviation of the difference of both costs, if noise alone made it.
     loss : by how much more stretches of returns cost at the step than as matched, in all.
     along : float64, (2,), unit vector of the direction, local frame.
+    num_returns : number of returns that were compared.
     """
 
     apart: float
@@ -78,6 +79,7 @@ class Comparison(NamedTuple):
     noise: float
     loss: float
     along: FloatArray
+    num_returns: int
 
     @property
     def cost(self) -> float:
@@ -107,7 +109,7 @@ def compare(
     by_odometry: bool,
     sigma: float,
 ) -> Comparison | None:
-    """Compare a scan with one before; None where lines determine all directions well.
+    """Compare a scan, but for people, with one before; None where lines determine all directions.
 
     Against odometry, also None where no step fits so much better than the matched one as odometry
     must fit worse.
@@ -121,6 +123,7 @@ def compare(
     ratio, direction = open_direction(*outline, max_gap)
     if ratio > config.max_ratio or time <= last.time:
         return None
+    returns = without_people(returns, last.tf_tracking_sensor)
     tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
     axis = math.cos(direction), math.sin(direction)
     direction -= tf_sensor_local.theta
@@ -144,7 +147,7 @@ def compare(
     if best < 0:
         return None
     apart = float(steps[best]) - moved
-    return Comparison(apart, costs, matched_cost, noise, loss, np.array(along))
+    return Comparison(apart, costs, matched_cost, noise, loss, np.array(along), len(returns))
 
 
 def _fit(config: WallStepConfig, sigma: float, *, by_odometry: bool) -> Fit:

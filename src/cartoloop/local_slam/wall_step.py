@@ -29,7 +29,6 @@ from cartoloop.local_slam.wall_comparison import (
     EarlierScan,
     compare,
     is_sharp,
-    without_people,
 )
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.range_noise import no_noise
@@ -143,7 +142,6 @@ class WallStep:
         # Noise determines a match along bare walls, too, and speaks against any step.
         noisy = sigma / config.sigma
         if not by_odometry or match_ratio <= noisy * config.max_match_ratio:
-            returns = without_people(returns, last.tf_tracking_sensor)
             found = compare(last, time, pose, returns, config, by_odometry=by_odometry, sigma=sigma)
         if found is None:
             if by_odometry:
@@ -154,7 +152,7 @@ class WallStep:
             return None
         # People who walk along fit another step, and all that stands the one of the odometry.
         is_contradicted = (by_odometry or stands) and self._is_contradicted(
-            found, len(returns), noisy * config.max_loss_share
+            found, noisy * config.max_loss_share
         )
         is_contradicted |= by_odometry and self._is_backwards(found, last.pose, pose)
         missed = self._missed_until(found, time - last.time, by_odometry, is_contradicted)
@@ -163,9 +161,9 @@ class WallStep:
         x, y = missed
         return Pose(pose.x + x, pose.y + y, pose.theta)
 
-    def _is_contradicted(self, found: Comparison, num_returns: int, max_loss_share: float) -> bool:
+    def _is_contradicted(self, found: Comparison, max_loss_share: float) -> bool:
         """Return whether too much fits the matched step that does not fit the other one."""
-        fits_closely = found.cost <= self._config.close_fit * num_returns
+        fits_closely = found.cost <= self._config.close_fit * found.num_returns
         return not fits_closely and found.loss_share > max_loss_share
 
     def _is_backwards(self, found: Comparison, last: Pose, pose: Pose) -> bool:
