@@ -394,6 +394,29 @@ def test_a_blind_stretch_needs_visits_and_good_odometry(noise, agrees, severity)
     assert place.severity is severity
 
 
+@pytest.mark.parametrize(
+    "odometry",
+    [
+        None,
+        {
+            "translation_error_m": 0.01,
+            "metre_noise_m": 0.01,
+            "measured_metres": 100,
+            "faults": [{"begin": 0.0, "end": None}],
+        },
+    ],
+)
+def test_a_long_blind_stretch_without_odometry_is_doubtful(odometry):
+    run = drive()
+    run.node_scan_index = np.concatenate((np.arange(40), np.arange(70, 100)))
+    met = visits([5, 8], [60, 65], [False, False])
+
+    [place] = blind_places(blind_stretches(run), met, odometry, run, QualityConfig())
+
+    assert place.severity is Severity.DOUBTFUL
+    assert "constant velocity" in place.reason
+
+
 def test_a_recording_of_a_scan_each_metres_is_not_blind():
     run = drive(speed=3.0, rate=1.0)
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -229,7 +230,8 @@ def blind_places(
 ) -> list[Place]:
     """Return the places where scans show little or nothing.
 
-    Minor ones where visits across them agree and the odometry measures well.
+    Minor ones where visits across them agree and the odometry measures well. Without odometry
+    visits hold the ends only: the robot may have turned anywhere between them.
 
     Parameters
     ----------
@@ -237,7 +239,9 @@ def blind_places(
     """
     places = []
     for event in found:
-        error = length_error(event.moved, odometry) if has_odometry(odometry) else 0.0
+        error, rest_on = math.inf, "constant velocity, without odometry"
+        if has_odometry(odometry) and not _is_without_odometry(event, odometry, content):
+            error, rest_on = length_error(event.moved, odometry), "the odometry"
         is_held = error <= BRIDGED_BLIND_ERROR_M and is_bridged(event, met, content)
         is_short = event.moved <= config.doubtful_blind_length
         places.append(
@@ -246,12 +250,20 @@ def blind_places(
                 content,
                 Kind.BLIND,
                 Severity.MINOR if is_short or is_held else Severity.DOUBTFUL,
-                f"scans show little or nothing over {event.moved:.1f} m: they rest on the odometry",
+                f"scans show little or nothing over {event.moved:.1f} m: they rest on {rest_on}",
                 "the surroundings may be farther away than sensor.max_range; drive along a wall, "
                 "or through the place once more",
             )
         )
     return places[:MAX_PLACES]
+
+
+def _is_without_odometry(
+    event: Event, odometry: Mapping[str, Any] | None, content: MapContent
+) -> bool:
+    """Return whether the odometry was left out at either end of a stretch."""
+    end = float(content.stamps[event.scan])
+    return bool(np.any(without_odometry(np.array((end - event.seconds, end)), odometry)))
 
 
 STANDS_CHANGED, STANDS_CHANGED_LONG, STANDS_CHANGED_CORRIDOR = 0.35, 0.12, 0.04
