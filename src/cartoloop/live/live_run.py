@@ -111,45 +111,18 @@ def map_live(
     start = time.perf_counter()
     options, observer = options or LiveOptions(), observer or LiveObserver()
     stop = stop or StopRequest()
-    adds = is_same_folder(onto, out)
-    base = None if onto is None else map_to_add_to(onto, out, observer.say)
-    added_to = map_state(out) if adds else None
-    loaded = _loaded(config, base, lifelong=lifelong)
-    # No drive is the same as another.
-    folder = RunFolder(
-        out, source.name, token_hex(8), overwrite, adds_for_good=adds, added_to=added_to
+    plan = _plan(
+        source.name, config, out, options, onto, observer, overwrite=overwrite, lifelong=lifelong
     )
-    folder.check()
-    start_pose = last_pose(base) if options.starts_at_end and base else options.start
-    about = None
-    if base is not None and onto is not None:
-        run_base = base_of_new_run(
-            base, start_pose, out, loaded.config, (folder.name, folder.fingerprint)
-        )
-        about = replace(run_base.about, path=path_of_base(onto, out))
     prepare_folder(out)
     notices = Notices(observer.say)
-    journal = _journal(folder, loaded, layers, notices, base, about)
+    journal = _journal(plan, layers, notices)
     try:
-        get_ready()
-        mapper = Mapper(
-            loaded.config, live=True, onto=base, onto_pose=start_pose, outcomes=journal.outcomes
-        )
-        files = _Files(notices, options.poses)
-        try:
-            failure = _map_source(source, mapper, notices, options, files, observer, stop)
-            if base is not None and mapper.num_scans == 0:
-                nothing = f"{source.name}: no scan has arrived; nothing was saved"
-                raise failure or InputError(nothing)
-        except BaseException:
-            mapper.close()
-            if mapper.num_scans == 0:
-                journal.remove()
-            raise
-        outcome = _reported(_finish(mapper, observer, stop, failure), folder, notices, start)
-        files.close()
+        mapped = _mapped(source, plan, journal, notices, options, observer, stop)
+        outcome = _reported(mapped, plan.folder, notices, start)
         observer.mapped(outcome.result, outcome.failure)
-        saved = save_outcome(outcome, folder, layers, loaded.origins, observer.saving, start, stop)
+        origins = plan.loaded.origins
+        saved = save_outcome(outcome, plan.folder, layers, origins, observer.saving, start, stop)
         journal.remove()
     except KeyboardInterrupt as interrupt:
         raise Interrupted(_given_up(journal)) from interrupt
@@ -158,6 +131,88 @@ def map_live(
     observer.saved(saved.outcome.result, outcome.failure)
     _raise_if_incomplete(saved, source.name)
     return saved.outcome.result
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What is known of a run before its first message.
+
+    Attributes
+    ----------
+    folder : where it is saved.
+    loaded : the configuration.
+    base : the map that it adds to, or None.
+    start_pose : where the robot is in that at first, if it is known.
+    about : what the journal says about that map.
+    """
+
+    folder: RunFolder
+    loaded: LoadedConfig
+    base: MapData | None
+    start_pose: Pose | None
+    about: BaseOfRun | None
+
+
+def _plan(
+    name: str,
+    config: Config | LoadedConfig | None,
+    out: Path,
+    options: LiveOptions,
+    onto: MapData | str | PathLike[str] | None,
+    observer: LiveObserver,
+    *,
+    overwrite: bool,
+    lifelong: bool,
+) -> _Plan:
+    """Return what a run begins with, given the name of its source; see :func:`map_live`."""
+    adds = is_same_folder(onto, out)
+    base = None if onto is None else map_to_add_to(onto, out, observer.say)
+    added_to = map_state(out) if adds else None
+    loaded = _loaded(config, base, lifelong=lifelong)
+    # No drive is the same as another.
+    folder = RunFolder(out, name, token_hex(8), overwrite, adds_for_good=adds, added_to=added_to)
+    folder.check()
+    start_pose = last_pose(base) if options.starts_at_end and base else options.start
+    about = None
+    if base is not None and onto is not None:
+        recording = folder.name, folder.fingerprint
+        run_base = base_of_new_run(base, start_pose, out, loaded.config, recording)
+        about = replace(run_base.about, path=path_of_base(onto, out))
+    return _Plan(folder, loaded, base, start_pose, about)
+
+
+def _mapped(
+    source: Source,
+    plan: _Plan,
+    journal: RunJournal,
+    notices: Notices,
+    options: LiveOptions,
+    observer: LiveObserver,
+    stop: StopRequest,
+) -> Outcome:
+    """Map until the source ends, and do the last pass; a journal without a scan is removed."""
+    get_ready()
+    mapper = Mapper(
+        plan.loaded.config,
+        live=True,
+        onto=plan.base,
+        onto_pose=plan.start_pose,
+        outcomes=journal.outcomes,
+    )
+    files = _Files(notices, options.poses)
+    try:
+        failure = _map_source(source, mapper, notices, options, files, observer, stop)
+        if plan.base is not None and mapper.num_scans == 0:
+            nothing = f"{source.name}: no scan has arrived; nothing was saved"
+            raise failure or InputError(nothing)
+    except BaseException:
+        mapper.close()
+        if mapper.num_scans == 0:
+            journal.remove()
+        raise
+    outcome = _finish(mapper, observer, stop, failure)
+    files.close()
+    return outcome
 
 
 def _loaded(
@@ -180,31 +235,25 @@ def _loaded(
     return replace(loaded, config=loaded.config.model_copy(update={"lifelong": section}))
 
 
-def _journal(
-    folder: RunFolder,
-    loaded: LoadedConfig,
-    layers: Collection[Layer],
-    notices: Notices,
-    base: MapData | None,
-    about: BaseOfRun | None,
-) -> RunJournal:
-    """Return the journal of a new run in a folder."""
+def _journal(plan: _Plan, layers: Collection[Layer], notices: Notices) -> RunJournal:
+    """Return the journal of a new run in its folder."""
 
     def note(problem: str) -> None:
         notices.note("the journal is not written", problem)
 
+    folder, base = plan.folder, plan.base
     header = RunHeader(
         "live",
         folder.name,
         folder.fingerprint,
-        loaded.config,
-        loaded.origins,
+        plan.loaded.config,
+        plan.loaded.origins,
         layers=tuple(layers),
         overwrite=folder.overwrite,
         continues=base is not None,
         first_node=base.graph.num_nodes if base else 0,
         first_submap=base.graph.num_submaps if base else 0,
-        base=about,
+        base=plan.about,
     )
     return begin_journal(folder.path, header, note)
 
