@@ -19,20 +19,28 @@ USUAL = 0.5
 HERE = LeastSquaresMatch(IDENTITY, np.eye(3), 1.6 * USUAL, 1000.0, 1)
 
 
-def found_at(turn_deg, residual, amply_seen=True):
-    """What the search of a lost scan returns that fits elsewhere, turned by so much."""
+def found_at(turn_deg, residual, amply_seen=True, by_odometry=True, here_seen=None):
+    """Whether a match elsewhere of a lost scan is believed, turned by so much.
+
+    `here_seen` is the residual of observed points near the prediction; by default that of all.
+    """
     pose = Pose(0.5, 0.2, math.radians(turn_deg))
     elsewhere = LeastSquaresMatch(pose, np.diag((1e3, 1e3, 1e3)), residual, 1.0, 1)
     fit = SimpleNamespace(
         settings=MatcherSettings.of(LocalSlamConfig()),
         prior=IDENTITY,
         prediction=SimpleNamespace(
-            by_odometry=True, fallbacks=lambda: (IDENTITY, IDENTITY), over_jump=None, gap=None
+            by_odometry=by_odometry,
+            fallbacks=lambda: (IDENTITY, IDENTITY),
+            over_jump=None,
+            gap=None,
         ),
         in_submap=lambda pose: pose,
         search=lambda centre, window: centre,
         refine_freely=lambda start: elsewhere,
-        residual_of_seen=lambda match: match.residual,
+        residual_of_seen=lambda match: (
+            here_seen if match is HERE and here_seen is not None else match.residual
+        ),
         fits_as_usual=lambda match: match.residual < 1.3 * USUAL,
         is_determined=lambda match: True,
         is_amply_seen=lambda match: amply_seen,
@@ -87,3 +95,17 @@ def test_a_far_turn_is_not_believed_where_little_was_observed():
 
 def test_a_far_turn_is_believed_where_the_scan_fits_well():
     assert found_at(30.0, USUAL)
+
+
+@pytest.mark.parametrize(
+    ("residual", "here_seen", "is_believed"),
+    [
+        (1.33 * USUAL, 0.0, False),  # what has not been observed contradicts no prediction
+        (1.33 * USUAL, 1.6 * USUAL, True),
+        (USUAL, 0.0, True),
+    ],
+)
+def test_without_odometry_new_places_contradict_nothing(residual, here_seen, is_believed):
+    found = found_at(53.0, residual, by_odometry=False, here_seen=here_seen)
+
+    assert found == is_believed

@@ -32,12 +32,12 @@ covers most of that around the other. Where scans come fast, they hardly ever di
 def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> LeastSquaresMatch:
     """Return the best match elsewhere, or `best` if none fits much better.
 
-    Odometry may lead to where little has been observed yet. The points there fit badly, and would
-    fit better wherever the scan overlaps more of the map, but they contradict nothing. So against
-    odometry only points in observed cells count, unless the scan fits as usual, and the points must
-    outweigh the motion prior: those of all scans in turn that do not fit, since the odometry that
-    has missed one motion of the robot does not learn of it later. Far from its heading they must
-    fit clearly.
+    A prediction may lead to where little has been observed yet. The points there fit badly, and
+    would fit better wherever the scan overlaps more of the map, but they contradict nothing. So
+    only points in observed cells count, unless the scan fits as usual. Against odometry the points
+    must outweigh the motion prior, too: those of all scans in turn that do not fit, since the
+    odometry that has missed one motion of the robot does not learn of it later. Far from its
+    heading they must fit clearly.
 
     Parameters
     ----------
@@ -49,17 +49,15 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
     by_odometry = fit.prediction.by_odometry
     cost = weight * best.cost
     limit = best.residual * window.lost_improvement
-    limit_of_seen = window.lost_improvement * fit.residual_of_seen(best) if by_odometry else 0.0
+    limit_of_seen = window.lost_improvement * fit.residual_of_seen(best)
     for centre in _fallbacks(fit):
         found = _near_fallback(fit, centre)
         if by_odometry and _is_doubtful_turn(fit, found, best):
             continue
-        if found.residual < min(limit, best.residual) and (
-            not by_odometry
-            or (
-                fit.cost_against_prior(found, weight) < cost
-                and (fit.fits_as_usual(found) or fit.residual_of_seen(found) < limit_of_seen)
-            )
+        if (
+            found.residual < min(limit, best.residual)
+            and (not by_odometry or fit.cost_against_prior(found, weight) < cost)
+            and (fit.fits_as_usual(found) or fit.residual_of_seen(found) < limit_of_seen)
         ):
             best = found
     if by_odometry and not fit.fits_as_usual(best):
