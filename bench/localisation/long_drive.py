@@ -21,6 +21,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.localisation.known_map import KnownMap, known_map_of
 from cartoloop.localisation.localizer import Localizer
 from cartoloop.mapper import Mapper
+from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 from cartoloop.sensor.events import Odometry, SensorEvent
 from cartoloop.sensor.pose import Pose, compose, compose_all, inverse
 from cartoloop.simulation import Lidar, drive, make_world, simulate
@@ -43,6 +44,7 @@ def long_drive_rows(hours: float, progress: Progress) -> Iterator[Row]:
     hours : of the drive.
     """
     progress(f"{WORLD}: mapping, and driving for {hours:g} hours")
+    set_malloc_thresholds()  # as `cartoloop locate` does
     lap = _closed_lap()
     num_laps = max(math.ceil(3600.0 * hours / lap.period), 4)
     laps_a_part = min(max(round(PART_S / lap.period), 1), num_laps // 4)
@@ -51,6 +53,7 @@ def long_drive_rows(hours: float, progress: Progress) -> Iterator[Row]:
     found = _Found(*(np.full(num_laps * num_scans, np.nan) for _ in range(2)))
     memory = [math.nan] * num_laps
     localizer = Localizer(lap.known, at=Pose(*lap.truth[0].tolist()))
+    relax_gc()
     for number in range(num_laps):
         _drive(localizer, lap, number, found)
         gc.collect()

@@ -141,7 +141,9 @@ def locate_command(options: LocateOptions) -> None:
     from cartoloop.cli.stop_signals import stop_signals
     from cartoloop.errors import Interrupted
     from cartoloop.localisation.run import PoseKeeper, RunSummary
+    from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
+    set_malloc_thresholds()
     options.check(options.map_, is_live=options.is_live)
     is_quiet = options.poses == "-"
     log = None if options.is_live else _recording(options)
@@ -152,6 +154,7 @@ def locate_command(options: LocateOptions) -> None:
             stop_signals() as stop,
         ):
             localizer = _localizer(options, loaded.config, start)
+            relax_gc()
             keeper = None
             if options.keep is not None:
                 keeper = PoseKeeper(options.keep, localizer, _warn, begins_there=start is None)
