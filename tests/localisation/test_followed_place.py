@@ -231,8 +231,23 @@ def test_in_an_image_the_place_that_explains_most_is_proved(bent):
     assert is_alone([best, rival(0.06)], path=FULL_M)
     assert is_alone([best], others=[NEWEST])
     assert not is_alone([best], path=1.4)
-    for fit in ({"explained": 0.81}, {"detail": 0.39}, {"num_counted": 10}):
+    for fit in ({"explained": 0.6}, {"detail": 0.39}, {"num_counted": 10}):
         assert not is_alone([best._replace(fit=best.fit._replace(**fit))])
+
+
+def test_in_an_image_straight_walls_prove_less(bent):
+    foreign = known_map(ROOM)
+    best = follow_best(foreign, bent, [NEWEST])[0]
+
+    def is_alone(explained, detail, agreement=0.84):
+        fit = best.fit._replace(agreement=agreement, detail=detail, explained=explained)
+        followed = [best._replace(fit=fit)]
+        return is_proved_in_image(foreign, bent, PATH_M, followed, [])
+
+    assert is_alone(0.82, 0.80)
+    assert not is_alone(0.82, 0.50)
+    assert is_alone(0.90, 0.50)
+    assert not is_alone(0.79, 0.95, agreement=0.95)
 
 
 def test_in_an_image_other_places_are_followed(monkeypatch):
