@@ -186,7 +186,7 @@ def box(x, y, edge):
     return ((x, y), (x + edge, y), (x + edge, y + edge), (x, y + edge))
 
 
-def test_the_only_place_in_an_image_is_claimed_on_a_path():
+def test_the_only_place_in_an_image_is_claimed_on_a_path(monkeypatch):
     shelves = [(1.1 + k, 1.1) for k in range(8)] + [(8.4, 1.7 + 1.1 * k) for k in range(7)]
     shelves += [(1.1 + 0.9 * k, 5.4) for k in range(5)] + [(6.1, 6.2 + 0.95 * k) for k in range(4)]
     shelves += [(1.1, 2.1 + 1.05 * k) for k in range(3)] + [(6.6, 9.4), (7.5, 9.4)]
@@ -201,6 +201,8 @@ def test_the_only_place_in_an_image_is_claimed_on_a_path():
     assert apart(START, later.claim.tf_map_tracking)[0] < 0.05
     assert later.claim.agreement == pytest.approx(0.84, abs=0.02)
     assert decide(known, composite, 2.0, Before(is_undecided=True)).claim is None
+    monkeypatch.setattr(decision_module, "IMAGE_COUNTED_SHARE", 1.01)
+    assert decide(known, composite, 2.0).claim is None
 
 
 def test_one_of_two_equal_places_in_an_image_is_not_claimed():

@@ -37,6 +37,7 @@ from cartoloop.localisation.claim_needs import (
 )
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.followed_place import (
+    IMAGE_COUNTED_SHARE,
     MIN_COUNTED_SHARE,
     FollowedPlace,
     follow_best,
@@ -203,7 +204,7 @@ def _claim_apart(
     found = searched.candidates[0]
     best = refined(known, composite, found.tf_map_tracking)
     if not (
-        _is_known_at(known, composite, found, best.fit)
+        _is_known_at(known, composite, found, best.fit, IMAGE_COUNTED_SHARE)
         and is_apart(known, path, best.score, searched.runner_up, best.fit)
     ):
         return None
@@ -258,11 +259,17 @@ def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candid
     return detailed is not None and lower >= 0.0 and detailed.refutes(here, there)
 
 
-def _is_known_at(known: KnownMap, composite: Composite, found: Candidate, fit: Fit) -> bool:
+def _is_known_at(
+    known: KnownMap,
+    composite: Composite,
+    found: Candidate,
+    fit: Fit,
+    min_share: float = MIN_COUNTED_SHARE,
+) -> bool:
     """Return whether the map is known where the robot is in a place, and where its scans end."""
     if known.value_at(found.tf_map_tracking) == 0:
         return False
-    return fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
+    return fit.num_counted >= min_share * int(composite.scans.counts.sum())
 
 
 def _places(known: KnownMap, candidates: list[Candidate]) -> tuple[Place, ...]:
