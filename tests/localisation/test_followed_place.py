@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.localisation import followed_place
+from cartoloop.localisation import followed_place, image_claims
 from cartoloop.localisation.decision import Before, decide
 from cartoloop.localisation.followed_place import (
     FITTING_PATH_M,
@@ -23,12 +23,12 @@ from cartoloop.localisation.followed_place import (
     follow_in,
     has_rival,
     is_proved,
-    is_proved_in_image,
     needed_sum,
     refuting_sum,
     sum_of,
 )
 from cartoloop.localisation.global_search import fit_of_composite
+from cartoloop.localisation.image_claims import is_proved_in_image
 from cartoloop.localisation.trail import Trail
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 from tests.localisation.rooms import BOX, ROOM, apart, drive, known_map, points
@@ -254,7 +254,7 @@ def test_in_an_image_straight_walls_prove_less(bent):
 def test_in_an_image_other_places_are_followed(monkeypatch):
     box, scans, newest, turned = in_a_box()
     box.has_own_fits = False
-    monkeypatch.setattr(followed_place, "IMAGE_DETAIL", 0.0)
+    monkeypatch.setattr(image_claims, "IMAGE_DETAIL", 0.0)
     followed = follow_best(box, scans, [newest])
 
     assert is_proved_in_image(box, scans, PATH_M, followed, [])

@@ -30,22 +30,24 @@ from cartoloop.localisation.claim_needs import (
     FITTING_LESS,
     Margins,
     Needed,
-    is_apart,
     margins_of,
     needed_of,
     shows_enough,
 )
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.followed_place import (
-    IMAGE_COUNTED_SHARE,
     MIN_COUNTED_SHARE,
     FollowedPlace,
     follow_best,
     has_rival,
     is_proved,
-    is_proved_in_image,
 )
 from cartoloop.localisation.global_search import is_same_place
+from cartoloop.localisation.image_claims import (
+    IMAGE_COUNTED_SHARE,
+    is_apart,
+    is_proved_in_image,
+)
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import Composite
 from cartoloop.sensor.pose import Pose
