@@ -14,6 +14,7 @@ from bench.environment import environment
 from bench.localisation import measures
 from bench.localisation.drives import CutRecording, Drive
 from bench.localisation.figures import driving_figures, share
+from bench.localisation.images import OURS, known_maps_of
 from bench.localisation.long_drive import long_drive_rows
 from bench.localisation.other_buildings import stranger_rows
 from bench.localisation.search_times import time_rows
@@ -25,10 +26,7 @@ from bench.localisation.world_rows import (
     simulated_rows,
 )
 from bench.record import Case, Figure, Record, Row
-from cartoloop.evaluation.map_image import MapImage
-from cartoloop.localisation.known_map import KnownMap, known_map_of, known_map_of_image
-from cartoloop.map_output.occupancy_map import OccupancyMap
-from cartoloop.sensor.pose import Pose
+from cartoloop.localisation.known_map import KnownMap
 
 RECORDINGS = ("intel", "fr079", "mit-csail", "aces")
 """Recordings whose second half is localised in the map of the first."""
@@ -111,33 +109,16 @@ def _reported(rows: Iterator[Row], progress: Progress) -> Iterator[Row]:
 
 
 def _recording_rows(drive: Drive, options: Options, progress: Progress) -> Iterator[Row]:
-    own = known_map_of(drive.result, drive.name)
-    for map_name, known in (("ours", own), ("pgm and yaml", _as_image(drive))):
+    maps = known_maps_of(drive.result, drive.name)
+    for map_name, known in maps.items():
         case: Case = {"drive": drive.name, "map": map_name}
         progress(f"{drive.name}, {map_name}: single scans")
         yield _single_row(case, measures.single_scans(known, drive, options.scans))
         progress(f"{drive.name}, {map_name}: drives")
         yield _driving_row(case, known, drive, options.drives)
     progress(f"{drive.name}: particle filter")
-    yield _particle_row({"drive": drive.name, "map": "ours"}, own, drive, options.drives)
-
-
-def _as_image(drive: Drive) -> KnownMap:
-    """Return the map as a reader of its ``map.pgm`` and ``map.yaml`` sees it."""
-    occupancy_map = drive.result.occupancy_map()
-    options = drive.result.config.map_output
-    return known_map_of_image(
-        _image_of(occupancy_map, options.occupied_thresh, options.free_thresh)
-    )
-
-
-def _image_of(occupancy_map: OccupancyMap, occupied: float, free: float) -> MapImage:
-    probability = occupancy_map.probability
-    occupancy = np.full(probability.shape, -1.0, dtype=np.float32)
-    occupancy[(probability >= 0.0) & (probability < free)] = 0.0
-    occupancy[probability > occupied] = 1.0
-    origin = Pose(occupancy_map.origin_x, occupancy_map.origin_y, 0.0)
-    return MapImage(occupancy, occupancy_map.resolution, origin, 0.65, 0.196)
+    case = {"drive": drive.name, "map": OURS}
+    yield _particle_row(case, maps[OURS], drive, options.drives)
 
 
 def _single_row(case: Case, found: measures.SingleScans) -> Row:

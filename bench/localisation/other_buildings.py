@@ -11,9 +11,11 @@ import numpy as np
 from bench.localisation import measures
 from bench.localisation.drives import Drive, simulated_drive
 from bench.localisation.figures import percent, share
+from bench.localisation.images import IMAGE, OURS, known_maps_of
 from bench.localisation.world_rows import Progress
 from bench.record import Case, Figure, Row
-from cartoloop.localisation.known_map import known_map_of
+from cartoloop.arrays import FloatArray
+from cartoloop.localisation.known_map import KnownMap
 from cartoloop.sensor.pose import Pose, compose, compose_all, inverse
 
 OFFICE = "office"
@@ -47,16 +49,18 @@ def stranger_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iter
     seeds : of worlds.
     drives : in each map, from scans spread over the drive.
     """
-    strangers = _Strangers()
+    found = {given: _Strangers() for given in (OURS, IMAGE)}
     for seed in seeds:
         office = simulated_drive(OFFICE, seed)
         for name in OTHERS:
             other = simulated_drive(name, seed, duration=OTHERS_S)
             for drive, mapped in ((office, other), (other, office)):
-                progress(f"{drive.name} in the map of {mapped.name}")
-                strangers.measure(drive, mapped, drives)
+                for given, known in known_maps_of(mapped.result).items():
+                    progress(f"{drive.name} in the map of {mapped.name}, {given}")
+                    found[given].measure(known, drive, mapped.truth, drives)
     if seeds:
-        yield from strangers.rows(f"{OFFICE} and {', '.join(OTHERS)}, {_range(seeds)}")
+        for given, strangers in found.items():
+            yield from strangers.rows(f"{OFFICE} and {', '.join(OTHERS)}, {_range(seeds)}", given)
         yield from _same_plan_rows(seeds, drives, progress)
 
 
@@ -68,19 +72,22 @@ class _Strangers:
     given: list[measures.Followed] = field(default_factory=list)
     claimed: list[bool] = field(default_factory=list)
 
-    def measure(self, drive: Drive, mapped: Drive, count: int) -> None:
-        """Drive in the map of another building, from nowhere and from poses on its drive."""
-        known = known_map_of(mapped.result)
+    def measure(self, known: KnownMap, drive: Drive, there: FloatArray, count: int) -> None:
+        """Drive in the map of another building, from nowhere and from poses there.
+
+        Parameters
+        ----------
+        there : float64, shape (n, 3), poses in the map.
+        """
         self.claimed += measures.single_scans(known, drive, NUM_SCANS).claimed
         for first in _starts(drive, count):
             self.runs.append(measures.follow(known, drive, first, PATH_M))
-            place = int(first / len(drive.truth) * len(mapped.truth))
-            at = Pose(*mapped.truth[place].tolist())
+            at = Pose(*there[int(first / len(drive.truth) * len(there))].tolist())
             self.given.append(measures.follow(known, drive, first, PATH_M, at))
 
-    def rows(self, drives: str) -> Iterator[Row]:
-        """Yield a row of each."""
-        case: Case = {"drive": drives, "map": "ours"}
+    def rows(self, drives: str, given: str) -> Iterator[Row]:
+        """Yield a row of each, given the drives, and what is given of the maps."""
+        case: Case = {"drive": drives, "map": given}
         yield stranger_row(case, self.runs)
         yield stranger_row(case, self.given, ", from a wrong pose")
         yield stranger_scans_row(case, self.claimed)
@@ -116,16 +123,18 @@ def stranger_scans_row(case: Case, claimed: Sequence[bool]) -> Row:
 
 def _same_plan_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iterator[Row]:
     """Yield where places are claimed in the map of the next office, given those of one plan."""
-    runs: list[measures.Followed] = []
+    runs: dict[str, list[measures.Followed]] = {OURS: [], IMAGE: []}
     for seed, other in zip(seeds, (*seeds[1:], *seeds[:1]), strict=True):
         if seed == other:
             return
-        progress(f"{OFFICE} {other} in the map of {seed}, which has the same plan")
         mapped, drive = simulated_drive(OFFICE, seed), simulated_drive(OFFICE, other)
-        known, drive = known_map_of(mapped.result), in_map_of(mapped, drive)
+        drive = in_map_of(mapped, drive)
         firsts = _starts(drive, drives)
-        runs += [measures.follow(known, drive, first, FIRST_PATH_M) for first in firsts]
-    yield same_plan_row({"drive": f"{OFFICE}, {_range(seeds)}", "map": "ours"}, runs)
+        for given, known in known_maps_of(mapped.result).items():
+            progress(f"{OFFICE} {other} in the map of {seed}, which has the same plan, {given}")
+            runs[given] += [measures.follow(known, drive, first, FIRST_PATH_M) for first in firsts]
+    for given, each in runs.items():
+        yield same_plan_row({"drive": f"{OFFICE}, {_range(seeds)}", "map": given}, each)
 
 
 def same_plan_row(case: Case, runs: Sequence[measures.Followed]) -> Row:

@@ -203,9 +203,9 @@ def test_drives_that_leave_the_map_are_counted_apart():
 
     values = {name: figure.value for name, figure in figures.items()}
     assert values["located within 3 m"] == pytest.approx(100.0 / 3.0)
-    assert values["drives with 3 m on the map"] == 2.0
-    assert values["of these located within 3 m"] == pytest.approx(50.0)
-    assert values["drives with 10 m on the map"] == 2.0
+    assert values["drives with 3 m on the map"] == 1.0
+    assert values["of these located within 3 m"] == 0.0
+    assert values["drives with 10 m on the map"] == 1.0
     assert values["of these located within 10 m"] == pytest.approx(100.0)
 
 

@@ -10,8 +10,6 @@ import pytest
 
 from cartoloop.localisation.claim_needs import (
     AGREEMENT_OF_TRAIL,
-    APART_MARGIN,
-    APART_PATH_M,
     DETAILED_PATH_M,
     DETAILED_SCORE,
     DISTINCTNESS_OF_TRAIL,
@@ -27,7 +25,6 @@ from cartoloop.localisation.claim_needs import (
     VIEW_PATH_M,
     Detailed,
     Needed,
-    is_apart,
     least_score,
     needed_margin,
     needed_of,
@@ -194,29 +191,3 @@ def test_details_count_on_a_path_in_maps_with_own_scans(learnt_map):
     assert totals == sorted(totals, reverse=True)
     assert totals[0] > totals[-1]
     assert searched_score(learnt_map, 5.0) <= detailed[0].score < searched_score(learnt_map, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("path", "score", "runner_up", "agreement", "distinctness", "detail"),
-    [
-        (0.9, 1.0, 0.8, 0.8, 0.7, 0.5),
-        (1.1, 0.7, 0.3, 0.8, 0.7, 0.5),
-        (1.1, 1.0, 0.9, 0.8, 0.7, 0.5),
-        (1.1, 1.0, 0.8, 0.7, 0.7, 0.5),
-        (1.1, 1.0, 0.8, 0.8, 0.5, 0.5),
-        (1.1, 1.0, 0.8, 0.8, 0.7, 0.2),
-    ],
-)
-def test_only_a_place_without_rivals_is_apart(
-    learnt_map, path, score, runner_up, agreement, distinctness, detail
-):
-    image = known_map(ROOM)
-    usual = image.usual
-    found = fit(0.8 * usual.agreement, 0.7 * usual.distinctness, 0.5)
-    poor = fit(agreement * usual.agreement, distinctness * usual.distinctness, detail)
-
-    good = (1.1 * APART_PATH_M, usual.score, (0.99 - APART_MARGIN) * usual.score, found)
-    assert is_apart(image, *good)
-    assert not is_apart(learnt_map, *good)
-    limits = (path * APART_PATH_M, score * usual.score, runner_up * usual.score)
-    assert not is_apart(image, *limits, poor)

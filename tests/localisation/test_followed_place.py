@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.localisation import followed_place
+from cartoloop.localisation import followed_place, image_claims
 from cartoloop.localisation.decision import Before, decide
 from cartoloop.localisation.followed_place import (
     FITTING_PATH_M,
@@ -23,12 +23,12 @@ from cartoloop.localisation.followed_place import (
     follow_in,
     has_rival,
     is_proved,
-    is_proved_in_image,
     needed_sum,
     refuting_sum,
     sum_of,
 )
 from cartoloop.localisation.global_search import fit_of_composite
+from cartoloop.localisation.image_claims import is_proved_in_image
 from cartoloop.localisation.trail import Trail
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 from tests.localisation.rooms import BOX, ROOM, apart, drive, known_map, points
@@ -231,14 +231,30 @@ def test_in_an_image_the_place_that_explains_most_is_proved(bent):
     assert is_alone([best, rival(0.06)], path=FULL_M)
     assert is_alone([best], others=[NEWEST])
     assert not is_alone([best], path=1.4)
-    for fit in ({"explained": 0.81}, {"detail": 0.39}, {"num_counted": 10}):
+    most = int(0.79 * bent.scans.counts.sum())
+    for fit in ({"explained": 0.6}, {"detail": 0.39}, {"num_counted": most}):
         assert not is_alone([best._replace(fit=best.fit._replace(**fit))])
+
+
+def test_in_an_image_straight_walls_prove_less(bent):
+    foreign = known_map(ROOM)
+    best = follow_best(foreign, bent, [NEWEST])[0]
+
+    def is_alone(explained, detail, agreement=0.84):
+        fit = best.fit._replace(agreement=agreement, detail=detail, explained=explained)
+        followed = [best._replace(fit=fit)]
+        return is_proved_in_image(foreign, bent, PATH_M, followed, [])
+
+    assert is_alone(0.83, 0.78)
+    assert not is_alone(0.83, 0.50)
+    assert is_alone(0.90, 0.50)
+    assert not is_alone(0.79, 0.95, agreement=0.95)
 
 
 def test_in_an_image_other_places_are_followed(monkeypatch):
     box, scans, newest, turned = in_a_box()
     box.has_own_fits = False
-    monkeypatch.setattr(followed_place, "IMAGE_DETAIL", 0.0)
+    monkeypatch.setattr(image_claims, "IMAGE_DETAIL", 0.0)
     followed = follow_best(box, scans, [newest])
 
     assert is_proved_in_image(box, scans, PATH_M, followed, [])

@@ -13,6 +13,7 @@ from cartoloop.localisation import global_search
 from cartoloop.localisation.global_search import (
     PLACE_ANGLE_RAD,
     PLACE_DISTANCE_M,
+    TileMatches,
     find,
     find_near,
     is_same_place,
@@ -121,6 +122,12 @@ def test_a_list_that_is_cut_short_has_the_best_place(case, monkeypatch):
 
     assert not listed.is_complete
     assert listed.places[0].score == pytest.approx(best.score, abs=0.05)
+
+
+def test_of_no_tiles_nothing_is_listed(case):
+    known, scan = case
+
+    assert list_places(known, scan, TileMatches(np.zeros((0, 3)), [], 0.5)) == ([], True)
 
 
 def test_poses_half_a_turn_apart_are_different_places():

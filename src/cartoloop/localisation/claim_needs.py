@@ -114,19 +114,6 @@ MIN_REFUTING_DETAIL = 0.2
 """Share of the returns that must lie on walls that are not straight for that."""
 
 
-APART_MARGIN, APART_PATH_M = 0.14, 1.5
-"""In a map without own scans, a place is also claimed where its score exceeds that of any other by
-the first, relative to the usual one, on a path of at least the second [m]: how well scans agree in
-the right place is not known there, but in wrong places and other buildings the best of all has
-rivals."""
-
-APART_SCORE, APART_AGREEMENT, APART_DISTINCTNESS = 0.74, 0.75, 0.55
-"""Score, agreement and distinctness that it needs for that, relative to the usual ones."""
-
-MIN_APART_DETAIL = 0.3
-"""Share of the returns that must lie on walls that are not straight for that."""
-
-
 class Detailed(NamedTuple):
     """What a place must reach to be claimed with a low score.
 
@@ -255,27 +242,6 @@ def least_score(known: KnownMap) -> float:
     """Return the score that a claim needs, see :data:`SCORE_SPREADS`."""
     usual = known.usual.score
     return min(usual - SCORE_SPREADS * (usual - known.low_score), MOST_SCORE * usual)
-
-
-def is_apart(known: KnownMap, path: float, score: float, runner_up: float, fit: Fit) -> bool:
-    """Return whether a place is claimed as the only one, see :data:`APART_MARGIN`.
-
-    Parameters
-    ----------
-    path : length of the path that the scans come from [m].
-    score, fit : of the scans there.
-    runner_up : upper limit of the score of any other place.
-    """
-    usual = known.usual
-    return (
-        not known.has_own_fits
-        and path >= APART_PATH_M
-        and score - runner_up >= APART_MARGIN * usual.score
-        and score >= APART_SCORE * usual.score
-        and fit.agreement >= APART_AGREEMENT * usual.agreement
-        and fit.distinctness >= APART_DISTINCTNESS * usual.distinctness
-        and fit.detail >= MIN_APART_DETAIL
-    )
 
 
 def searched_score(known: KnownMap, path: float) -> float:

@@ -30,7 +30,6 @@ from cartoloop.localisation.claim_needs import (
     FITTING_LESS,
     Margins,
     Needed,
-    is_apart,
     margins_of,
     needed_of,
     shows_enough,
@@ -42,9 +41,13 @@ from cartoloop.localisation.followed_place import (
     follow_best,
     has_rival,
     is_proved,
-    is_proved_in_image,
 )
 from cartoloop.localisation.global_search import is_same_place
+from cartoloop.localisation.image_claims import (
+    IMAGE_COUNTED_SHARE,
+    is_apart,
+    is_proved_in_image,
+)
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import Composite
 from cartoloop.sensor.pose import Pose
@@ -203,7 +206,7 @@ def _claim_apart(
     found = searched.candidates[0]
     best = refined(known, composite, found.tf_map_tracking)
     if not (
-        _is_known_at(known, composite, found, best.fit)
+        _is_known_at(known, composite, found, best.fit, IMAGE_COUNTED_SHARE)
         and is_apart(known, path, best.score, searched.runner_up, best.fit)
     ):
         return None
@@ -258,11 +261,17 @@ def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candid
     return detailed is not None and lower >= 0.0 and detailed.refutes(here, there)
 
 
-def _is_known_at(known: KnownMap, composite: Composite, found: Candidate, fit: Fit) -> bool:
+def _is_known_at(
+    known: KnownMap,
+    composite: Composite,
+    found: Candidate,
+    fit: Fit,
+    min_share: float = MIN_COUNTED_SHARE,
+) -> bool:
     """Return whether the map is known where the robot is in a place, and where its scans end."""
     if known.value_at(found.tf_map_tracking) == 0:
         return False
-    return fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
+    return fit.num_counted >= min_share * int(composite.scans.counts.sum())
 
 
 def _places(known: KnownMap, candidates: list[Candidate]) -> tuple[Place, ...]:

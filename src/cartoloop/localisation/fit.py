@@ -105,6 +105,11 @@ class Fit(NamedTuple):
         return self._replace(agreement=self.solid_agreement)
 
     @property
+    def detailed_agreement(self) -> float:
+        """The agreement of the returns that do not lie on straight walls."""
+        return self.detail / max(self.detail + 1.0 - self.agreement, 1e-9)
+
+    @property
     def mean_distinctness(self) -> float:
         """The distinctness of all returns together: few scans that contradict lower it little."""
         agreeing = self.detail + STRAIGHT_WEIGHT * (self.agreement - self.detail)

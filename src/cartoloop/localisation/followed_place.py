@@ -64,16 +64,6 @@ returns that is lower by the first, also if all beams might pass through glass, 
 second on [m]: where the map is blurred, or ends, the right place has a low score, and what
 contradicts a wrong place shows which one it is."""
 
-IMAGE_EXPLAINED, IMAGE_PATH_M, IMAGE_DETAIL = 0.85, 1.5, 0.4
-"""In a map without own scans it is not known how well scans fit where they were taken. There the
-place must explain the first share of the returns, from a path of the second on [m], and the third
-share must lie on walls that are not straight. In maps of other buildings places explained 0.81 at
-most."""
-
-IMAGE_MARGIN_OF_SCAN, IMAGE_MARGIN = 0.1, 0.05
-"""Every other place must explain a share that is lower by the first, of a single view, and by the
-second, of a path of `FULL_M`; in between it falls linearly."""
-
 NEWEST_PARTS, NEWEST_SUM = 3, 1.85
 """Of the newest part of the scans, one of the first number, agreement and distinctness must add up
 to the second: where a building is built alike only in part, the newest scans contradict first."""
@@ -187,7 +177,7 @@ def follow_best(
     followed += [
         follow_in(known, composite, pose)
         for pose in found
-        if _may_reach(known, composite, pose, KEPT_SUM)
+        if may_reach(known, composite, pose, KEPT_SUM)
     ]
     best: list[FollowedPlace] = []
     for place in sorted(followed, key=lambda place: -place.total):
@@ -229,72 +219,30 @@ def is_proved(
         or best.fit.num_counted < MIN_COUNTED_SHARE * num_points
     ):
         return False
-    if not _newest_agree(known, composite, best):
+    if not newest_agree(known, composite, best):
         return False
     least = best.total - refuting_sum(path)
     margin = needed_margin(path)
 
     def is_rival(other: FollowedPlace) -> bool:
-        return _is_rival(best, least, margin, other) and not _explains_less(best, other, path)
+        return _is_rival(best, least, margin, other) and not explains_less(best, other, path)
 
     def outscores(other: FollowedPlace) -> bool:
         is_other = not is_same_place(other.pose, best.pose)
         is_higher = other.fit.score > best.fit.score + 0.5 * margin
-        return is_higher and is_other and not _explains_less(best, other, path)
+        return is_higher and is_other and not explains_less(best, other, path)
 
     if any(is_rival(place) for place in followed[1:]):
         return False
     if any(outscores(follow_in(known, composite, pose)) for pose in listed):
         return False
     return not any(
-        _may_reach(known, composite, pose, least) and is_rival(follow_in(known, composite, pose))
+        may_reach(known, composite, pose, least) and is_rival(follow_in(known, composite, pose))
         for pose in others
     )
 
 
-def is_proved_in_image(
-    known: KnownMap,
-    composite: Composite,
-    path: float,
-    followed: Sequence[FollowedPlace],
-    others: Iterable[Pose],
-) -> bool:
-    """Return whether scans that are matched one by one prove the first place in an image.
-
-    Parameters
-    ----------
-    path, followed : as for :func:`is_proved`.
-    others : all further places that have to be refuted.
-    """
-    best = followed[0]
-    if (
-        known.has_own_fits
-        or path < IMAGE_PATH_M
-        or len(composite.scans) < 2
-        or best.fit.explained < IMAGE_EXPLAINED
-        or best.fit.detail < IMAGE_DETAIL
-        or best.fit.num_counted < MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
-        or not _newest_agree(known, composite, best)
-    ):
-        return False
-    share = min(path / FULL_M, 1.0)
-    margin = IMAGE_MARGIN_OF_SCAN + share * (IMAGE_MARGIN - IMAGE_MARGIN_OF_SCAN)
-
-    def is_refuted(other: FollowedPlace) -> bool:
-        is_same = is_same_place(other.pose, best.pose)
-        return is_same or _explains_less(best, other, path, margin)
-
-    if not all(map(is_refuted, followed[1:])):
-        return False
-    least = best.total - RIVAL_SUM
-    return all(
-        not _may_reach(known, composite, pose, least)
-        or is_refuted(follow_in(known, composite, pose))
-        for pose in others
-    )
-
-
-def _explains_less(
+def explains_less(
     best: FollowedPlace, other: FollowedPlace, path: float, margin: float = EXPLAINED_MARGIN
 ) -> bool:
     """Return whether a place explains clearly less than the best, see :data:`EXPLAINED_MARGIN`.
@@ -346,7 +294,7 @@ def has_rival(
     least = best.total - RIVAL_SUM
     is_rival = partial(_is_rival, best, least, needed_margin(path))
     return any(
-        _may_reach(known, composite, pose, least) and is_rival(follow_in(known, composite, pose))
+        may_reach(known, composite, pose, least) and is_rival(follow_in(known, composite, pose))
         for pose in others
     )
 
@@ -364,7 +312,7 @@ def _is_rival(best: FollowedPlace, least: float, margin: float, other: FollowedP
     return other.total > least and not shows_less and not is_same_place(other.pose, best.pose)
 
 
-def _newest_agree(known: KnownMap, composite: Composite, place: FollowedPlace) -> bool:
+def newest_agree(known: KnownMap, composite: Composite, place: FollowedPlace) -> bool:
     """Return whether the newest scans, two at least, agree as well."""
     count = max(-(-len(composite.scans) // NEWEST_PARTS), 2)
     newest = composite.scans.take(np.arange(count))
@@ -372,7 +320,7 @@ def _newest_agree(known: KnownMap, composite: Composite, place: FollowedPlace) -
     return not math.isnan(fit.agreement) and _agreeing(known, fit) >= NEWEST_SUM
 
 
-def _may_reach(known: KnownMap, composite: Composite, tf_map_newest: Pose, total: float) -> bool:
+def may_reach(known: KnownMap, composite: Composite, tf_map_newest: Pose, total: float) -> bool:
     """Return whether scans that are moved as one fit so well that matched they may reach a sum."""
     fit = fit_of_composite(known, composite, tf_map_newest)
     return sum_of(known, fit) >= total - MOST_GAINED

@@ -215,7 +215,9 @@ def list_places(known: KnownMap, points: FloatArray, tiles: TileMatches) -> List
     num_searched = 0
     while True:
         found += [match for match in matches if match is not None]
-        is_divided = np.array([match is not None and match.runner_up > 0.0 for match in matches])
+        is_divided = np.array(
+            [match is not None and match.runner_up > 0.0 for match in matches], dtype=np.bool_
+        )
         linear, angular = 0.5 * linear, 0.5 * angular
         centres = _divided(centres[is_divided], linear, angular)
         num_searched += len(centres)
