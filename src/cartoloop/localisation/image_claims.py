@@ -38,9 +38,10 @@ MIN_APART_DETAIL = 0.3
 """Share of the returns that must lie on walls that are not straight for that."""
 
 APART_SUM = 0.95
-"""The sum of this margin and of the detailed agreement that it needs: in another building, straight
-walls may agree on metres and no other place come near, but of the rest less agrees. There it
-reached 0.92, and where such a place was right and nothing else had shown it, 0.98 at least."""
+"""What the margin of its score, relative to the usual score, and its detailed agreement must add up
+to: in another building, straight walls may agree on metres and no other place come near, but of the
+rest less agrees. There the sum reached 0.92; in right places that nothing else had shown, it was
+0.98 at least."""
 
 IMAGE_PATH_M, IMAGE_EXPLAINED, IMAGE_DETAIL = 1.5, 0.8, 0.4
 """In a map without own scans it is not known how well scans fit where they were taken. There, from

@@ -36,7 +36,7 @@ class Kind(StrEnum):
     JUMP = "jump"
     """The matched pose jumped farther than a robot moves."""
     BLIND = "blind"
-    """Nothing was matched for some metres: the poses rest on the odometry alone."""
+    """Nothing was matched for some metres: the poses rest on the odometry alone, or on nothing."""
     CORRIDOR = "corridor"
     """A length that the scans hardly measure: it rests on the odometry alone, or on nothing."""
     OPEN = "open"
