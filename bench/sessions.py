@@ -42,7 +42,7 @@ from cartoloop.readers import Log, open_log
 from cartoloop.result import Result
 from cartoloop.sensor.events import LaserScan, PointCloud, SensorEvent
 from cartoloop.session import MAIN_PART
-from cartoloop.simulation import make_world, simulate
+from cartoloop.simulation import make_world, ring, simulate
 from cartoloop.stop_request import StopRequest
 
 RECORDINGS = ("intel", "mit-killian", "mit-csail", "fr079", "aces", "museum")
@@ -63,7 +63,11 @@ MIN_OVERLAP_M2 = 10.0
 MIN_STRETCH = 200
 """Scans of a drive in one wing that are mapped; shorter stretches are a turn at the door."""
 
+RING_DRIVES_S = 70.0, 40.0
+"""Of two rings of corridors, as much is driven through: once around, and half [s]."""
+
 CUT, STRANGE, WINGS = "cut into sessions", "of different places", "wings that look alike"
+RINGS = "rings of one size"
 CHANCE = "uncut, begun later and severed"
 """The parts of the benchmark."""
 
@@ -78,7 +82,7 @@ class Chosen:
     recordings : which of `RECORDINGS` are cut.
     cuts : into how many sessions each.
     strangers : whether pairs of these recordings are merged that are of different places.
-    seeds : of buildings with two wings.
+    seeds : of buildings with two wings, and of rings of corridors.
     again : measure cases again that were measured with the same sources.
     relations : folder with NAME.relations of recordings without verified ones.
     later : how often each recording is mapped uncut without its first scans.
@@ -162,35 +166,37 @@ def _cases(
             yield {"part": STRANGE, "case": " + ".join(pair)}, apart
     for seed in chosen.seeds:
         yield {"part": WINGS, "case": f"seed {seed}"}, _wings_row
+        yield {"part": RINGS, "case": f"seed {seed}"}, _rings_row
 
 
 def rows(measured: Iterable[Row]) -> list[Row]:
-    """Return the rows of the table: of the buildings with two wings, all in one."""
+    """Return the rows of the table: of simulated buildings that look alike, all in one."""
     names = {name: number for number, name in enumerate(RECORDINGS)}
-    of_part: dict[str, list[Row]] = {CUT: [], STRANGE: [], WINGS: [], CHANCE: []}
+    of_part: dict[str, list[Row]] = {CUT: [], STRANGE: [], WINGS: [], RINGS: [], CHANCE: []}
     for row in measured:
         of_part[str(row.case["part"])].append(row)
     of_part[CUT].sort(key=lambda row: (names[str(row.case["case"])], int(row.case["sessions"])))
     of_part[STRANGE].sort(key=lambda row: str(row.case["case"]))
     of_part[CHANCE].sort(key=lambda row: names[str(row.case["case"])])
-    return [*of_part[CUT], *of_part[CHANCE], *of_part[STRANGE], *_together(of_part[WINGS])]
+    alike = (*_together(of_part[WINGS], "two wings"), *_together(of_part[RINGS], "pairs of rings"))
+    return [*of_part[CUT], *of_part[CHANCE], *of_part[STRANGE], *alike]
 
 
-def _together(wings: Sequence[Row]) -> list[Row]:
-    """Return one row for all buildings with two wings, with how often which reason was given."""
-    if not wings:
+def _together(measured: Sequence[Row], case: str) -> list[Row]:
+    """Return one row for all of a kind of building, with how often which reason was given."""
+    if not measured:
         return []
-    counts = Counter(kind for row in wings for kind in _kinds(row.notes))
+    counts = Counter(kind for row in measured for kind in _kinds(row.notes))
     figures = {
-        "buildings": Figure.exact(len(wings), better=None),
+        "buildings": Figure.exact(len(measured), better=None),
         **{
-            name: Figure.exact(sum(row.figures[name].value for row in wings))
+            name: Figure.exact(sum(row.figures[name].value for row in measured))
             for name in ("wrong joins", "not explained")
         },
-        "merging": Figure.of_samples([row.figures["merging"].value for row in wings], "CPU s"),
+        "merging": Figure.of_samples([row.figures["merging"].value for row in measured], "CPU s"),
     }
     notes = "; ".join(f"{count} x {kind}" for kind, count in counts.most_common())
-    return [Row({"part": WINGS, "case": "two wings"}, figures, notes)]
+    return [Row({"part": measured[0].case["part"], "case": case}, figures, notes)]
 
 
 def _kinds(notes: str) -> list[str]:
@@ -362,3 +368,13 @@ def _wings_row(case: Case) -> Row:
     if _num_joined(merged) > 1 and not is_wrong:
         return replace(row, notes="joined rightly")
     return row
+
+
+def _rings_row(case: Case) -> Row:
+    """Return the figures of two rings of corridors as long and as wide, with other alcoves."""
+    seed = int(str(case["case"]).removeprefix("seed "))
+    drives = [
+        simulate(ring(seed + number), seed=seed + number, duration=duration)
+        for number, duration in enumerate(RING_DRIVES_S)
+    ]
+    return apart_row(case, [mapped(list(drive.events())) for drive in drives])

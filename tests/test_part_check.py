@@ -5,18 +5,13 @@ from __future__ import annotations
 
 import pytest
 
-from cartoloop.global_slam.join_evidence import GeometryCheck, Strictness
+from cartoloop.global_slam.join_evidence import GeometryCheck
 from cartoloop.map_output.part_walls import WallFault
-from cartoloop.part_check import FLOOR_SHARES, STRICT_WALLS_M, wall_fault
-from cartoloop.part_check import strict_fault as fault_of
+from cartoloop.part_check import STRICT_WALLS_M, strict_fault, wall_fault
 
 
 def checked(length=50.0, on_floor=0.0):
     return GeometryCheck(length, 0.0, 1000 - round(1000 * on_floor), round(1000 * on_floor), "")
-
-
-def strict_fault(found, faults, usual=0.0, strictness=Strictness.FEW_SCORE_HIGH):
-    return fault_of(found, faults, FLOOR_SHARES[strictness], usual)
 
 
 def walls(*lengths):
@@ -41,20 +36,13 @@ def test_long_overlaps_may_have_more_of_them(length, passes):
 
 
 def test_returns_on_floor_are_limited():
-    assert strict_fault(checked(on_floor=0.07), []) == ""
-    assert "9% of the returns" in strict_fault(checked(on_floor=0.09), [])
+    assert strict_fault(checked(on_floor=0.01), []) == ""
+    assert "5% of the returns" in strict_fault(checked(on_floor=0.05), [])
 
 
 def test_more_returns_on_floor_pass_where_they_are_usual():
-    assert strict_fault(checked(on_floor=0.1), [], 0.09) == ""
-    assert "few scans agree" in strict_fault(checked(on_floor=0.1), [], 0.07)
-
-
-def test_less_floor_passes_where_few_scans_are_distinct():
-    strictness = Strictness.FEW_DISTINCT
-    assert strict_fault(checked(on_floor=0.02), [], 0.0, strictness) == ""
-    assert strict_fault(checked(on_floor=0.05), [], 0.05, strictness) == ""
-    assert strict_fault(checked(on_floor=0.05), [], 0.01, strictness) != ""
+    assert strict_fault(checked(on_floor=0.05), [], 0.05) == ""
+    assert "few scans agree" in strict_fault(checked(on_floor=0.05), [], 0.03)
 
 
 def test_a_wall_that_closes_a_corridor_forbids_a_join():

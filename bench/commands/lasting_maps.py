@@ -164,7 +164,9 @@ def bench_sessions(
     strangers: Annotated[
         bool, typer.Option(help="Merge recordings of different places too.")
     ] = True,
-    seeds: Annotated[int, typer.Option(min=0, help="Buildings with two wings alike.")] = 100,
+    seeds: Annotated[
+        int, typer.Option(min=0, help="Buildings with two wings alike, and rings.")
+    ] = 100,
     first_seed: Annotated[int, typer.Option(min=0, help="First seed of these.")] = 0,
     relations: Annotated[
         Path | None,

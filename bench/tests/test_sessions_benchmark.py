@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -92,14 +93,19 @@ def test_pieces_make_one_record_on_the_page(
         measured.append(case["case"])
         return _wings(int(str(case["case"]).split()[1]), 0, "two places fit")
 
+    def rings(case: dict[str, str | int | float]) -> Row:
+        return replace(wings(case), case=case)
+
     monkeypatch.setattr(sessions, "_wings_row", wings)
+    monkeypatch.setattr(sessions, "_rings_row", rings)
     monkeypatch.setattr(sessions, "environment", lambda: {"commit": "abc", "date": "today"})
     for recordings, seeds in (((), 1), (("aces",), 3)):
         chosen = sessions.Chosen(tmp_path / "none", recordings, (2,), False, range(seeds))
         record = sessions.run(chosen, tmp_path, lambda line: None)
-    assert measured == ["seed 0", "seed 1", "seed 2"]
+    assert measured == ["seed 0", "seed 0", "seed 1", "seed 1", "seed 2", "seed 2"]
     assert [row.notes for row in record.rows] == [
         "the recording is not there",
+        "3 x two places fit",
         "3 x two places fit",
     ]
     assert read_record(tmp_path / "sessions.json").rows == record.rows

@@ -37,13 +37,16 @@ def part_check(config: Config) -> CheckGeometry:
         )
         if fault := wall_fault(faults, join.max_contradicted_wall):
             return found._replace(fault=fault)
-        if strictness == Strictness.MANY_SCORE_HIGH:
+        if strictness == Strictness.NO_OTHER_PLACE:
             return found
-        limit = FLOOR_SHARES[strictness]
         usual = 0.0
-        if found.floor_share > limit:
+        if found.floor_share > FLOOR_SHARE:
             usual = usual_floor_share(parts, config.quality, confirmed)
-        return found._replace(fault=strict_fault(found, faults, limit, usual))
+        if strictness == Strictness.OTHER_PLACES:
+            fault = strict_fault(found, [], usual, "scans agree on another place, too")
+        else:
+            fault = strict_fault(found, faults, usual)
+        return found._replace(fault=fault)
 
     return check
 
@@ -84,24 +87,24 @@ def _path_of(parts: TwoParts, part: int) -> FloatArray:
 def strict_fault(
     found: GeometryCheck,
     faults: Sequence[WallFault],
-    max_floor_share: float,
     usual_floor_share: float = 0.0,
+    doubt: str = "few scans agree",
 ) -> str:
-    """Return why parts on which few scans agree cannot be joined, "" if they can.
+    """Return why parts cannot be joined whose scans leave a doubt, "" if they can.
 
     Parameters
     ----------
     faults : pieces of walls that contradict it.
-    max_floor_share : share of returns on floor that is allowed in any case.
-    usual_floor_share : that within the parts.
+    usual_floor_share : share of returns on floor within the parts.
+    doubt : why they are examined so strictly.
     """
-    if fault := floor_fault(found, max_floor_share, usual_floor_share):
-        return f"{fault}, and few scans agree"
+    if fault := floor_fault(found, FLOOR_SHARE, usual_floor_share):
+        return f"{fault}, and {doubt}"
     length = sum(fault.length for fault in faults)
     if length > max(STRICT_WALLS_M, STRICT_WALLS_SHARE * found.length):
         return (
             f"walls of {length:.1f} m in {len(faults)} pieces contradict it: the other part saw "
-            "floor there, and more behind them; and few scans agree"
+            f"floor there, and more behind them; and {doubt}"
         )
     return ""
 
@@ -112,10 +115,11 @@ MAX_STEP_M = 2.0
 MIN_PIECE_M = 0.3
 """Shorter pieces of wall say nothing [m]."""
 
-FLOOR_SHARES = {Strictness.FEW_SCORE_HIGH: 0.08, Strictness.FEW_DISTINCT: 0.03}
-"""Share of returns on floor that is allowed, unless it is usual there, where few scans score high
-and where few are distinct. A corridor also fits on another one, and on itself turned around: there
-were 0.07 and 0.09. Where sessions of one building overlapped a little, there were up to 0.11."""
+FLOOR_SHARE = 0.02
+"""Share of returns on floor that is allowed, unless it is usual there, where scans leave a doubt. A
+corridor also fits on another one, and on itself turned around: there were 0.026 to 0.09. Where
+sessions of one building overlapped, there were up to 0.038, but where more than 0.01 no scans
+agreed on another place, or it was usual."""
 
 STRICT_WALLS_M, STRICT_WALLS_SHARE = 0.6, 0.015
 """Pieces of walls with something behind them that are allowed where few scans agree: together, or

@@ -28,13 +28,12 @@ RECORDINGS = {
         1036, 104, 9.1, 0.06, ["blind_beams 34", "odometry_offset 2079", "odometry_scale 2079"],
     ),
     "bags/guardian_controller_2.bag": (
-        1028, 103, 21.3, 0.1, ["blind_beams 54", "odometry_offset 2060", "odometry_scale 2060"],
+        1028, 103, 21.3, 0.0, ["blind_beams 54", "odometry_scale 2060"],
     ),
     "other/exp1.dat.gz": (
         756, 75, 46.0, 0.15,
         [
-            "blind_beams 79", "no_return_is_zero 1", "odometry_offset 756",
-            "odometry_scale 756", "repeated_scans 4",
+            "blind_beams 79", "no_return_is_zero 1", "odometry_offset 756", "repeated_scans 4",
         ],
     ),
     "other/exp2.dat.gz": (

@@ -115,6 +115,18 @@ def test_parts_that_agree_later_are_searched_then():
     assert joining.attempts[0, 1].num_searches == 2 * LONG
 
 
+@pytest.mark.parametrize(
+    ("elsewhere", "strictness"), [(0, Strictness.NO_OTHER_PLACE), (1, Strictness.OTHER_PLACES)]
+)
+def test_scans_that_fit_elsewhere_make_it_stricter(elsewhere, strictness):
+    joining, graph = two_parts(30, 30)
+    joining.request_round(NUM_ROUNDS, graph)
+    joining._has_news = True
+    for scan in range(4 + elsewhere):
+        fits(joining, scan, x=50.0 if scan < 4 else 90.0)
+    assert joining.best(graph).strictness == strictness
+
+
 def followed(*places):
     """Return two short parts after following: many scans fit in places, none is distinct."""
     joining, graph = two_parts(30, 30)

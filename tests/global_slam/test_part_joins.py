@@ -27,7 +27,7 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.scan_points import ScanPoints
 
 
-def attempt(x=1.0, scan=0, strictness=Strictness.MANY_SCORE_HIGH):
+def attempt(x=1.0, scan=0, strictness=Strictness.NO_OTHER_PLACE):
     """An attempt to join parts 0 and 1, supported by one match."""
     candidate = Candidate(scan, scan, 0, np.array([x, 0.0, 0.0]), 0.6, 0.4)
     claim = Claim(candidate, np.array([x, 0.0, 0.0]), np.zeros(3), 0.2)

@@ -24,7 +24,7 @@ from cartoloop.global_slam.rivals import (
 from cartoloop.sensor.pose import Pose, compose
 
 JOIN, WIDE = JoinConfig(), WideSearchConfig()
-PLAIN = Strictness.MANY_SCORE_HIGH
+PLAIN = Strictness.NO_OTHER_PLACE
 HERE, THERE = Pose(3.0, -2.0, 1.0), Pose(40.0, 0.0, 0.0)
 
 

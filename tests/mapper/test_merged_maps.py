@@ -49,7 +49,7 @@ def merged(maps):
 
 @pytest.fixture(scope="module")
 def elsewhere():
-    """The map of a drive in another building."""
+    """The map of a drive in another building, whose corridors are as long and as wide."""
     return mapped(simulate(ring(seed=7), seed=2, duration=40.0).events())
 
 

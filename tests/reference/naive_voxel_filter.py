@@ -7,12 +7,12 @@ import math
 
 
 def naive_voxel_filter(points, edge):
-    """Return the first of the points in each cell, in their order."""
-    seen = set()
-    kept = []
-    for x, y in points:
-        cell = (math.floor(x / edge), math.floor(y / edge))
-        if cell not in seen:
-            seen.add(cell)
-            kept.append((x, y))
-    return kept
+    """Return the middle one of the points in each cell, in their order."""
+    members = {}
+    for k, (x, y) in enumerate(points):
+        members.setdefault((math.floor(x / edge), math.floor(y / edge)), []).append(k)
+    kept = [
+        own[len(own) // 2 if len(own) % 2 or (column + row) % 2 else len(own) // 2 - 1]
+        for (column, row), own in members.items()
+    ]
+    return [tuple(points[k]) for k in sorted(kept)]

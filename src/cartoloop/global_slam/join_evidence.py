@@ -57,13 +57,15 @@ class Strictness(IntEnum):
     """How strictly a placement is examined: the less supports it, the more strictly.
 
     `COUNTS_ONLY` counts returns on walls and floor, for places that are compared with each other,
-    and judges nothing: neither length nor contradictions are known.
+    and judges nothing: neither length nor contradictions are known. `NO_OTHER_PLACE` is for scans
+    that agree on one place, and hardly any on another; `OTHER_PLACES` where more of them do.
     """
 
     COUNTS_ONLY = -1
-    MANY_SCORE_HIGH = 0
-    FEW_SCORE_HIGH = 1
-    FEW_DISTINCT = 2
+    NO_OTHER_PLACE = 0
+    OTHER_PLACES = 1
+    FEW_SCORE_HIGH = 2
+    FEW_DISTINCT = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +177,7 @@ class JoinAttempt:
     check: GeometryCheck | None = None
     why_not: str = "not searched"
     is_ambiguous: bool = False
-    strictness: Strictness = Strictness.MANY_SCORE_HIGH
+    strictness: Strictness = Strictness.NO_OTHER_PLACE
     refused: list[Examined] = field(default_factory=list)
     undecided: list[Examined] = field(default_factory=list)
     num_searches: int = 0

@@ -201,7 +201,7 @@ def _place_along(parts: TwoParts, direction: float, check: CheckGeometry) -> flo
     return standing_out(
         slides,
         counts,
-        lambda best: checked(best, Strictness.MANY_SCORE_HIGH).contradicted > 0.0,
+        lambda best: checked(best, Strictness.NO_OTHER_PLACE).contradicted > 0.0,
     )
 
 

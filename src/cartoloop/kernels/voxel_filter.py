@@ -11,7 +11,9 @@ from cartoloop.arrays import FloatArray, IntArray
 
 @kernel
 def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: FloatArray) -> int:
-    """Write the first point of each occupied cell into `out_points`, in order; return how many.
+    """Write the middle point of each occupied cell into `out_points`, in order; return how many.
+
+    Of an even number it is the one before or the one after the middle, in one cell after the other.
 
     Parameters
     ----------
@@ -21,16 +23,29 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
 
     Notes
     -----
-    An open-addressing hash table of cell keys; O(n).
+    An open-addressing hash table of cell keys; O(n). The first point of a cell, in the order of the
+    beams, would be one that noise puts there: too far where the ranges grow from beam to beam, too
+    near where they decrease. All walls would seem to be turned, and the robot to turn from scan
+    to scan.
     """
     cells, table = np.empty(num_points, dtype=np.int64), _empty_table(num_points)
     number_cells(points, edge, cells)
+    before_kept = np.zeros(table.size, dtype=np.int64)
+    for k in range(num_points):
+        slot = _slot(cells[k], table)
+        table[slot] = cells[k]
+        before_kept[slot] += 1
+        cells[k] = slot
+    for slot in range(table.size):
+        is_odd = ((table[slot] >> 31) + table[slot]) & 1
+        before_kept[slot] = (before_kept[slot] - 1 + is_odd) >> 1
     kept = 0
     for k in range(num_points):
-        if _is_first(cells[k], table):
+        if before_kept[cells[k]] == 0:
             out_points[kept, 0] = points[k, 0]
             out_points[kept, 1] = points[k, 1]
             kept += 1
+        before_kept[cells[k]] -= 1
     return kept
 
 
@@ -85,12 +100,19 @@ def number_cells(points: FloatArray, edge: float, out_cells: IntArray) -> None:
 
 
 @inlined_kernel
-def _is_first(cell: int, table: IntArray) -> bool:
-    """Return whether a cell is not in the table, and enter it."""
+def _slot(cell: int, table: IntArray) -> int:
+    """Return the slot of a cell in the table, or the empty one that it is to be entered in."""
     last = table.size - 1
     slot = (((cell >> 31) * 73856093) ^ ((cell & 0x7FFFFFFF) * 19349663)) & last
     while table[slot] != -1 and table[slot] != cell:
         slot = (slot + 1) & last
+    return slot
+
+
+@inlined_kernel
+def _is_first(cell: int, table: IntArray) -> bool:
+    """Return whether a cell is not in the table, and enter it."""
+    slot = _slot(cell, table)
     is_first: bool = table[slot] == -1
     table[slot] = cell
     return is_first
