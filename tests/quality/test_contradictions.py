@@ -16,6 +16,7 @@ from cartoloop.quality.verdict import Severity
 
 CONFIG = QualityConfig()
 NUM_NODES, STEP_M = 60, 0.5
+PATHS = STEP_M * np.arange(NUM_NODES)
 LOW_SHARE = 0.02
 """Of all encounters of a large map, most of them elsewhere."""
 
@@ -55,7 +56,7 @@ def corridor_visits(num_visits, contradicting, displacements):
 
 def severities(*visits):
     met, content = corridor_visits(*visits)
-    return [place.severity for place in contradictions(met, LOW_SHARE, content, CONFIG)]
+    return [place.severity for place in contradictions(met, LOW_SHARE, PATHS, content, CONFIG)]
 
 
 @pytest.mark.parametrize("apart", [0.9, np.nan])
@@ -73,6 +74,16 @@ def test_a_small_displacement_makes_no_long_place():
 
 
 @pytest.mark.parametrize(
+    ("agrees", "severity"), [(0, Severity.DOUBTFUL), (3, Severity.MINOR)], ids=["none", "a_third"]
+)
+def test_a_short_place_is_doubtful_if_nothing_agrees(agrees, severity):
+    def contradicting(i):
+        return 20 <= i // 2 < 40 and not (agrees and i % agrees == 0)
+
+    assert severities(2, contradicting, lambda _: np.nan) == [severity]
+
+
+@pytest.mark.parametrize(
     ("every", "what"), [(2, "walls stand twice, about 0.9 m apart"), (40, "saw floor")]
 )
 def test_walls_stand_twice_where_enough_fits_elsewhere(every, what):
@@ -80,6 +91,6 @@ def test_walls_stand_twice_where_enough_fits_elsewhere(every, what):
         10, lambda i: i % 5 == 0, lambda i: 0.9 if i // 5 % every == 0 else np.nan
     )
 
-    (place,) = contradictions(met, LOW_SHARE, content, CONFIG)
+    (place,) = contradictions(met, LOW_SHARE, PATHS, content, CONFIG)
 
     assert what in place.reason

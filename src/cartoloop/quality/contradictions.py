@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality.clusters import clusters, in_same_tiles
 from cartoloop.quality.encounters import Encounters
@@ -25,6 +25,11 @@ stand twice, displaced by the third or more [m]. There, encounters must contradi
 map that is doubtful for their share: where a place was visited often, people, doors and returns
 that are missing make a few of many contradict."""
 
+STRETCH_M, STRETCH_SHARE, MIN_STRETCH_M = 8.0, 0.9, 12.0
+"""So is one where, along such a stretch of a path, this share of all that is compared contradicts,
+the third length or more: a visit stands apart from the others, and no people or doors do that. In
+right maps of real recordings the share is at most 0.6."""
+
 MIN_DISPLACED_SHARE = 0.1
 """Walls stand twice where this share of the encounters that contradict fits better elsewhere."""
 
@@ -35,7 +40,11 @@ CLOSE_LOOPS = (
 
 
 def contradictions(
-    met: Encounters, share: float, content: MapContent, config: QualityConfig
+    met: Encounters,
+    share: float,
+    paths: FloatArray,
+    content: MapContent,
+    config: QualityConfig,
 ) -> list[Place]:
     """Return the places where visits contradict each other, the largest first.
 
@@ -43,8 +52,9 @@ def contradictions(
     ----------
     met : all encounters.
     share : of their length, that of those that contradict.
+    paths : path length of each node [m].
     """
-    places = []
+    places, stands_apart = [], _stands_apart(met, paths)
     for own, seen, stamps in _by_place(np.flatnonzero(met.contradicts), met, content):
         length = extent(content.graph.node_poses[seen, :2])
         if length < MIN_PLACE_M or len(own) < 2:
@@ -54,12 +64,11 @@ def contradictions(
         stands_twice = len(known) >= MIN_DISPLACED_SHARE * len(shift)
         apart = float(np.median(known)) if stands_twice else float("nan")
         longest = LONG_DISPLACED_M if apart >= FAR_M else LONG_PLACE_M
-        is_long = (
-            length >= longest
-            and not apart < FAR_M
-            and _share_around(own, met, content) >= config.doubtful_share
+        is_doubtful = not apart < FAR_M and (
+            bool(stands_apart[own].any())
+            or (length >= longest and _share_around(own, met, content) >= config.doubtful_share)
         )
-        severity = _severity_of_share(share, is_long, config)
+        severity = _severity_of_share(share, is_doubtful, config)
         what = (
             f"walls stand twice, about {apart:.1f} m apart"
             if stands_twice
@@ -84,6 +93,29 @@ def _share_around(rows: IntArray, met: Encounters, content: MapContent) -> float
     is_around = in_same_tiles(points, points[rows])
     total = float(met.length[is_around].sum())
     return float(met.length[is_around & met.contradicts].sum()) / total
+
+
+def _stands_apart(met: Encounters, paths: FloatArray) -> BoolArray:
+    """Return which encounters contradict as nearly all do along their stretch of a path.
+
+    Of either path: that of the scans, and that of the submaps that they are compared with.
+    """
+    found = np.zeros(len(met), dtype=np.bool_)
+    for nodes in (met.pairs.node, met.pairs.own_node):
+        at = paths[nodes[met.middle]]
+        order = np.argsort(at, kind="stable")
+        lengths = np.where(met.contradicts, met.length, 0.0)
+        total, against = (
+            np.concatenate(([0.0], np.cumsum(each[order]))) for each in (met.length, lengths)
+        )
+        first, end = np.searchsorted(at[order], at[order] - STRETCH_M), np.arange(1, len(met) + 1)
+        contradicting = against[end] - against[first]
+        is_apart = contradicting >= np.maximum(
+            STRETCH_SHARE * (total[end] - total[first]), MIN_STRETCH_M
+        )
+        for row in np.flatnonzero(is_apart).tolist():
+            found[order[first[row] : end[row]]] = True
+    return found & met.contradicts
 
 
 WRONG_SLIDE_SHARE = 0.25
@@ -132,10 +164,10 @@ def _by_place(
         yield own, seen, stamps_of(content, np.concatenate((seen, met.pairs.own_node[members])))
 
 
-def _severity_of_share(share: float, is_long: bool, config: QualityConfig) -> Severity:
+def _severity_of_share(share: float, is_doubtful: bool, config: QualityConfig) -> Severity:
     if share >= config.wrong_share:
         return Severity.WRONG
-    if share >= config.doubtful_share or is_long:
+    if share >= config.doubtful_share or is_doubtful:
         return Severity.DOUBTFUL
     return Severity.MINOR
 

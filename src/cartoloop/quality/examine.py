@@ -80,8 +80,8 @@ def _examined(
     halls = by_session.corridors_of(content, config.max_range, odometry)
     shifts = shifts_along(met, content, scans, paths)
     found = [
-        *contradictions.contradictions(met, share, content, config),
-        *contradictions.contradictions(seen, share_of_all, content, config),
+        *contradictions.contradictions(met, share, paths, content, config),
+        *contradictions.contradictions(seen, share_of_all, paths, content, config),
         *shifted_places(content, scans),
         *contradictions.breaks(consecutive, content, config),
         *scattered_places(content, scans),
