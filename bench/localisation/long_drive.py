@@ -21,7 +21,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.localisation.known_map import KnownMap, known_map_of
 from cartoloop.localisation.localizer import Localizer
 from cartoloop.mapper import Mapper
-from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
+from cartoloop.runtime.process_memory import PeriodicRelease, relax_gc, set_malloc_thresholds
 from cartoloop.sensor.events import Odometry, SensorEvent
 from cartoloop.sensor.pose import Pose, compose, compose_all, inverse
 from cartoloop.simulation import Lidar, drive, make_world, simulate
@@ -54,8 +54,9 @@ def long_drive_rows(hours: float, progress: Progress) -> Iterator[Row]:
     memory = [math.nan] * num_laps
     localizer = Localizer(lap.known, at=Pose(*lap.truth[0].tolist()))
     relax_gc()
+    release = PeriodicRelease()
     for number in range(num_laps):
-        _drive(localizer, lap, number, found)
+        _drive(localizer, lap, number, found, release)
         gc.collect()
         memory[number] = _memory_mb()
         own = found.errors[number * num_scans : (number + 1) * num_scans]
@@ -127,7 +128,9 @@ def _closed_lap() -> _Lap:
     return _Lap(known_map_of(result), events, truth, period)
 
 
-def _drive(localizer: Localizer, lap: _Lap, number: int, found: _Found) -> None:
+def _drive(
+    localizer: Localizer, lap: _Lap, number: int, found: _Found, release: PeriodicRelease
+) -> None:
     """Add a lap, whose odometry goes on from where that of the lap before ended."""
     first = next(event for event in lap.events if isinstance(event, Odometry))
     before = localizer.odometry_pose
@@ -136,9 +139,10 @@ def _drive(localizer: Localizer, lap: _Lap, number: int, found: _Found) -> None:
         moved = shifted(event, -number * lap.period, jump)
         begin = process_time()
         answer = localizer.add(moved)
-        spent = process_time() - begin
         if answer is None:
             continue
+        release.after_scan()
+        spent = process_time() - begin
         scan = localizer.num_scans - 1
         found.processor[scan] = spent
         if answer.tf_map_tracking is not None:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from cartoloop.runtime.process_memory import (
+    PeriodicRelease,
     peak_memory_mb,
     release_unused_memory,
     set_malloc_thresholds,
@@ -28,6 +29,17 @@ def test_glibc_returns_unused_memory(monkeypatch):
     monkeypatch.setattr(ctypes, "CDLL", lambda name: SimpleNamespace(malloc_trim=calls.append))
     release_unused_memory()
     assert calls == [0]
+
+
+def test_memory_is_released_periodically(monkeypatch):
+    calls = []
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: SimpleNamespace(malloc_trim=calls.append))
+    release = PeriodicRelease(period=3)
+    counts = []
+    for _ in range(7):
+        release.after_scan()
+        counts.append(len(calls))
+    assert counts == [0, 0, 1, 1, 1, 2, 2]
 
 
 @pytest.mark.parametrize("error", [AttributeError, OSError, TypeError])

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
     from cartoloop.readers import Log
+    from cartoloop.runtime.process_memory import PeriodicRelease
     from cartoloop.sensor.events import SensorEvent
     from cartoloop.sensor.pose import Pose
     from cartoloop.stop_request import StopRequest
@@ -141,7 +142,11 @@ def locate_command(options: LocateOptions) -> None:
     from cartoloop.cli.stop_signals import stop_signals
     from cartoloop.errors import Interrupted
     from cartoloop.localisation.run import PoseKeeper, RunSummary
-    from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
+    from cartoloop.runtime.process_memory import (
+        PeriodicRelease,
+        relax_gc,
+        set_malloc_thresholds,
+    )
 
     set_malloc_thresholds()
     options.check(options.map_, is_live=options.is_live)
@@ -159,7 +164,7 @@ def locate_command(options: LocateOptions) -> None:
             if options.keep is not None:
                 keeper = PoseKeeper(options.keep, localizer, _warn, begins_there=start is None)
             view = closing.enter_context(open_view(options, localizer, log, is_quiet=is_quiet))
-            run = _Run(RunSummary(), keeper, poses, view, is_quiet=is_quiet)
+            run = _Run(RunSummary(), keeper, poses, view, PeriodicRelease(), is_quiet=is_quiet)
             if start is not None:
                 run.watch_start(localizer)
             if log is None:
@@ -247,6 +252,7 @@ class _Run:
     keeper : keeps the pose on disk, or None.
     poses : stream for a line of JSON a scan, or None.
     view : shows the answers, or None.
+    memory : released now and then.
     is_quiet : whether standard output is for poses.
     """
 
@@ -256,6 +262,7 @@ class _Run:
         keeper: PoseKeeper | None,
         poses: BinaryIO | None,
         view: LocateView | None,
+        memory: PeriodicRelease,
         *,
         is_quiet: bool,
     ) -> None:
@@ -266,6 +273,7 @@ class _Run:
         self._is_quiet = is_quiet
         self._state = ""
         self._starting: Localizer | None = None
+        self._memory = memory
 
     def watch_start(self, localizer: Localizer) -> None:
         """Say if the first scan does not fit at the pose that was given."""
@@ -289,6 +297,7 @@ class _Run:
             self.say(change(answer))
         if self.view is not None:
             self.view.after_answer(answer)
+        self._memory.after_scan()
 
     def write(self, answer: Answer) -> None:
         """Write the line of an answer.
