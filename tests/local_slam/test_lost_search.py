@@ -28,6 +28,7 @@ def found_at(turn_deg, residual, amply_seen=True, by_odometry=True, here_seen=No
     elsewhere = LeastSquaresMatch(pose, np.diag((1e3, 1e3, 1e3)), residual, 1.0, 1)
     fit = SimpleNamespace(
         settings=MatcherSettings.of(LocalSlamConfig()),
+        typical_residual=USUAL,
         prior=IDENTITY,
         prediction=SimpleNamespace(
             by_odometry=by_odometry,
@@ -73,6 +74,7 @@ def test_slip_along_a_corridor_is_seen_by_poor_fits(here, gap, slips):
 
     fit = SimpleNamespace(
         settings=MatcherSettings.of(LocalSlamConfig()),
+        typical_residual=USUAL,
         prior=prior,
         prediction=SimpleNamespace(
             by_odometry=True, fallbacks=lambda: (at_rest, at_rest), over_jump=None, gap=gap
@@ -95,6 +97,11 @@ def test_a_far_turn_is_not_believed_where_little_was_observed():
 
 def test_a_far_turn_is_believed_where_the_scan_fits_well():
     assert found_at(30.0, USUAL)
+
+
+@pytest.mark.parametrize(("here_seen", "is_believed"), [(0.9, False), (1.3, True), (0.0, True)])
+def test_what_fits_as_usual_near_the_prediction_is_kept(here_seen, is_believed):
+    assert found_at(26.0, USUAL, here_seen=here_seen * USUAL) == is_believed
 
 
 @pytest.mark.parametrize(

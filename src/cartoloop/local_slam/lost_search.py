@@ -34,10 +34,10 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
 
     A prediction may lead to where little has been observed yet. The points there fit badly, and
     would fit better wherever the scan overlaps more of the map, but they contradict nothing. So
-    only points in observed cells count, unless the scan fits as usual. Against odometry the points
-    must outweigh the motion prior, too: those of all scans in turn that do not fit, since the
-    odometry that has missed one motion of the robot does not learn of it later. Far from its
-    heading they must fit clearly.
+    only points in observed cells count, unless the scan fits as usual elsewhere, and those near the
+    prediction do not. Against odometry the points must outweigh the motion prior, too: those of all
+    scans in turn that do not fit, since the odometry that has missed one motion of the robot does
+    not learn of it later. Far from its heading they must fit clearly.
 
     Parameters
     ----------
@@ -49,7 +49,9 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
     by_odometry = fit.prediction.by_odometry
     cost = weight * best.cost
     limit = best.residual * window.lost_improvement
-    limit_of_seen = window.lost_improvement * fit.residual_of_seen(best)
+    residual_of_seen = fit.residual_of_seen(best)
+    limit_of_seen = window.lost_improvement * residual_of_seen
+    is_contradicted = not 0.0 < residual_of_seen <= fit.typical_residual
     for centre in _fallbacks(fit):
         found = _near_fallback(fit, centre)
         if by_odometry and _is_doubtful_turn(fit, found, best):
@@ -57,7 +59,10 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
         if (
             found.residual < min(limit, best.residual)
             and (not by_odometry or fit.cost_against_prior(found, weight) < cost)
-            and (fit.fits_as_usual(found) or fit.residual_of_seen(found) < limit_of_seen)
+            and (
+                (is_contradicted and fit.fits_as_usual(found))
+                or fit.residual_of_seen(found) < limit_of_seen
+            )
         ):
             best = found
     if by_odometry and not fit.fits_as_usual(best):
