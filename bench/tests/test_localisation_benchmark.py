@@ -19,6 +19,7 @@ from bench.localisation.particle_filter import ParticleFilter
 from bench.record import Figure, Record, Row, read_record
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.localizer import Localizer
+from cartoloop.runtime.process_memory import PeriodicRelease
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 from cartoloop.simulation import make_world
@@ -124,7 +125,7 @@ def test_a_lap_is_driven_again_and_again(known):
     localizer = Localizer(known, at=rooms.START)
 
     for number in range(3):
-        long_drive._drive(localizer, lap, number, found)
+        long_drive._drive(localizer, lap, number, found, PeriodicRelease())
 
     assert localizer.num_scans == localizer.num_located == 3 * len(scans)
     assert np.isfinite(found.processor).all()
