@@ -118,8 +118,8 @@ MIN_PIECE_M = 0.3
 FLOOR_SHARE = 0.02
 """Share of returns on floor that is allowed, unless it is usual there, where scans leave a doubt. A
 corridor also fits on another one, and on itself turned around: there were 0.026 to 0.09. Where
-sessions of one building overlapped, there were up to 0.038, but where more than 0.01 no scans
-agreed on another place, or it was usual."""
+sessions of one building overlapped, there were up to 0.038. Where these were more than 0.02, as
+many were usual within the parts, or hardly any scan agreed on another place."""
 
 STRICT_WALLS_M, STRICT_WALLS_SHARE = 0.6, 0.015
 """Pieces of walls with something behind them that are allowed where few scans agree: together, or

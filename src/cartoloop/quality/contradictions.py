@@ -26,10 +26,10 @@ map that is doubtful for their share: where a place was visited often, people, d
 that are missing make a few of many contradict."""
 
 STRETCH_M, STRETCH_SHARE, MIN_STRETCH_M, MIN_APART_M = 8.0, 0.9, 12.0, 4.0
-"""So is one where, along such a stretch of a path, this share of all that is compared contradicts,
-the third length or more, at places as far from each other as the fourth: a visit stands apart from
-the others, and no people or doors do that. In right maps of real recordings the share is at most
-0.6, but for what a robot saw from one place, 13 m away."""
+"""A short place is doubtful, too, if a visit stands apart from all others there. Along a stretch of
+path of the first length [m], encounters of the third length contradict [m]. They are this share of
+all encounters there, and span the fourth length [m]. People and doors do not do that: in right maps
+of real recordings the share was 0.6 at most, except for one place seen from 13 m away."""
 
 MIN_DISPLACED_SHARE = 0.1
 """Walls stand twice where this share of the encounters that contradict fits better elsewhere."""

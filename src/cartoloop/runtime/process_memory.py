@@ -57,11 +57,11 @@ class PeriodicRelease:
     """Returns unused memory to the system now and then, in a run that may last for days.
 
     Blocks of many sizes come and go with each submap. What is in use does not grow, but the free
-    blocks between do, by half a megabyte an hour.
+    blocks between do.
 
     Parameters
     ----------
-    period : scans between; it takes 2 ms.
+    period : scans between.
     """
 
     def __init__(self, period: int = 6000) -> None:
