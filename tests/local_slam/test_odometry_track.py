@@ -289,6 +289,14 @@ def test_that_readings_were_repeated_may_show_afterwards():
     assert wrap_angle(found.theta - theta) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize(("turn", "is_caught_up"), [(1.5, True), (0.5, False)])
+def test_a_robot_just_started_turns_no_faster_than_any(turn, is_caught_up):
+    rests = [(0.2 * k, 0.02 * min(k, 3), 0.0) for k in range(8)]
+    readings = track(*rests, (1.6, 0.06, turn))
+    assert readings.num_late == is_caught_up
+    assert readings.at(1.1).theta == pytest.approx(0.5 * turn if is_caught_up else 0.0)
+
+
 def true_x(k):
     """Place of a robot that turns almost on the spot, where a repeated reading is no surprise."""
     return 54 * 0.2 * 0.8 / math.sqrt(5.0) + (k - 54) * 0.2 * 0.2 / math.sqrt(5.0)

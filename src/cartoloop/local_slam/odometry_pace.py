@@ -27,6 +27,9 @@ HASTY_M, HASTY_RAD, HASTY_TIMES_FASTEST = 0.1, 0.1, 1.5
 """A step from repeated readings that is longer than the first and this many times the largest speed
 [m], [rad] is that of the time in which they were repeated."""
 
+ANY_FASTEST, ANY_FASTEST_RATE = 2.0, 2.0
+"""The same largest speeds as long as they are not known [m/s], [rad/s]."""
+
 
 class Pace(NamedTuple):
     """The largest speeds of the odometry so far.
@@ -84,11 +87,10 @@ class Pace(NamedTuple):
         """Return whether a step took longer than a duration, by the largest speeds so far."""
         distance = math.hypot(after.x - before.x, after.y - before.y)
         turn = abs(wrap_angle(after.theta - before.theta))
-        times = HASTY_TIMES_FASTEST * duration
-        return self.num_paces >= NUM_PACES and (
-            distance > HASTY_M + times * self.fastest
-            or turn > HASTY_RAD + times * self.fastest_rate
-        )
+        times, fastest, rate = HASTY_TIMES_FASTEST * duration, self.fastest, self.fastest_rate
+        if self.num_paces < NUM_PACES:
+            fastest, rate = max(fastest, ANY_FASTEST), max(rate, ANY_FASTEST_RATE)
+        return distance > HASTY_M + times * fastest or turn > HASTY_RAD + times * rate
 
     def is_exceeded(self, distance: float, turn: float, time: float, period: float) -> bool:
         """Return whether the step to a reading at a time is much faster than any so far.
