@@ -24,6 +24,9 @@ OFFICE = "office"
 OTHERS = ("flat", "ring", "wings")
 """Worlds that have nothing in common with it."""
 
+RING = "ring"
+"""Rings of all seeds have corridors of one length and width; their alcoves and doors differ."""
+
 OTHERS_S = 200.0
 """Duration of the drives that map these, and of those in them [s]."""
 
@@ -61,6 +64,7 @@ def stranger_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iter
     if seeds:
         for given, strangers in found.items():
             yield from strangers.rows(f"{OFFICE} and {', '.join(OTHERS)}, {_range(seeds)}", given)
+        yield from _same_size_rows(seeds, drives, progress)
         yield from _same_plan_rows(seeds, drives, progress)
 
 
@@ -121,12 +125,31 @@ def stranger_scans_row(case: Case, claimed: Sequence[bool]) -> Row:
     )
 
 
+def _same_size_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iterator[Row]:
+    """Yield how often a place is claimed in the map of the next ring, of the same corridors."""
+    runs: dict[str, list[measures.Followed]] = {OURS: [], IMAGE: []}
+    for seed, other in _pairs(seeds):
+        mapped = simulated_drive(RING, seed, duration=OTHERS_S)
+        drive = simulated_drive(RING, other, duration=OTHERS_S)
+        for given, known in known_maps_of(mapped.result).items():
+            progress(f"{drive.name} in the map of {mapped.name}, {given}")
+            firsts = _starts(drive, drives)
+            runs[given] += [measures.follow(known, drive, first, PATH_M) for first in firsts]
+    for given, each in runs.items():
+        if each:
+            case: Case = {"drive": f"{RING}, {_range(seeds)}", "map": given}
+            yield stranger_row(case, each, " of the same size")
+
+
+def _pairs(seeds: Sequence[int]) -> list[tuple[int, int]]:
+    """Return each seed with the next one, and the last with the first; none of a single seed."""
+    return list(zip(seeds, (*seeds[1:], *seeds[:1]), strict=True)) if len(seeds) > 1 else []
+
+
 def _same_plan_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iterator[Row]:
     """Yield where places are claimed in the map of the next office, given those of one plan."""
     runs: dict[str, list[measures.Followed]] = {OURS: [], IMAGE: []}
-    for seed, other in zip(seeds, (*seeds[1:], *seeds[:1]), strict=True):
-        if seed == other:
-            return
+    for seed, other in _pairs(seeds):
         mapped, drive = simulated_drive(OFFICE, seed), simulated_drive(OFFICE, other)
         drive = in_map_of(mapped, drive)
         firsts = _starts(drive, drives)
@@ -134,7 +157,8 @@ def _same_plan_rows(seeds: Sequence[int], drives: int, progress: Progress) -> It
             progress(f"{OFFICE} {other} in the map of {seed}, which has the same plan, {given}")
             runs[given] += [measures.follow(known, drive, first, FIRST_PATH_M) for first in firsts]
     for given, each in runs.items():
-        yield same_plan_row({"drive": f"{OFFICE}, {_range(seeds)}", "map": given}, each)
+        if each:
+            yield same_plan_row({"drive": f"{OFFICE}, {_range(seeds)}", "map": given}, each)
 
 
 def same_plan_row(case: Case, runs: Sequence[measures.Followed]) -> Row:

@@ -64,6 +64,9 @@ def test_claims_in_images_of_others_have_their_own_rows(rows):
     assert all(each[IMAGE] > 90.0 for each in drives)
     scans = wrong.pop("one scan, in the map of another building")
     assert scans == {OURS: 0.0, IMAGE: 100.0}
+    rings = wrong.pop("in the map of another building of the same size")
+    assert rings[OURS] == 0.0
+    assert rings[IMAGE] > 90.0
     (plan,) = wrong.values()
     assert plan == {OURS: 0.0, IMAGE: 0.0}
 
@@ -71,5 +74,5 @@ def test_claims_in_images_of_others_have_their_own_rows(rows):
 def test_each_map_of_another_building_is_driven_alike(rows):
     drives = [row.figures["drives"].value for row in rows if "drives" in row.figures]
 
-    # two seeds, both maps of a pair, and two drives each; of one plan one map a seed
-    assert drives == [8.0] * 4 + [4.0] * 2
+    # two seeds, both maps of a pair, and two drives each; of one size or plan one map a seed
+    assert drives == [8.0] * 4 + [4.0] * 4

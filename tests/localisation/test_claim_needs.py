@@ -19,12 +19,15 @@ from cartoloop.localisation.claim_needs import (
     MIN_DETAIL,
     MIN_REFUTING_DETAIL,
     MOST_SCORE,
+    PLAIN_DETAIL,
+    PLAIN_IMAGE_SCORE,
     SCORE_OF_SCAN,
     SCORE_SPREADS,
     VIEW_M,
     VIEW_PATH_M,
     Detailed,
     Needed,
+    is_too_plain,
     least_score,
     needed_margin,
     needed_of,
@@ -51,6 +54,22 @@ def test_scans_of_a_path_need_less_of_a_margin():
     assert needed_margin(0.0) == MARGIN_OF_SCAN
     assert needed_margin(100.0) == pytest.approx(MARGIN_OF_PATH)
     assert MARGIN_OF_PATH < needed_margin(2.0) < MARGIN_OF_SCAN
+
+
+def test_straight_walls_alone_must_fit_as_the_maps_own_scans(learnt_map):
+    learnt_map.low_score = 0.9 * learnt_map.usual.score
+    plain, detailed = fit(1.0, 1.0, 0.9 * PLAIN_DETAIL), fit(1.0, 1.0, PLAIN_DETAIL)
+
+    assert is_too_plain(learnt_map, 0.99 * learnt_map.low_score, plain)
+    assert not is_too_plain(learnt_map, learnt_map.low_score, plain)
+    assert not is_too_plain(learnt_map, 0.5 * learnt_map.low_score, detailed)
+
+
+def test_straight_walls_alone_must_fit_an_image_closely():
+    image, plain = known_map(ROOM), fit(1.0, 1.0, 0.9 * PLAIN_DETAIL)
+
+    assert is_too_plain(image, 0.99 * PLAIN_IMAGE_SCORE, plain)
+    assert not is_too_plain(image, PLAIN_IMAGE_SCORE, plain)
 
 
 def test_a_sharp_map_needs_a_higher_score(learnt_map):

@@ -114,6 +114,12 @@ MIN_REFUTING_DETAIL = 0.2
 """Share of the returns that must lie on walls that are not straight for that."""
 
 
+PLAIN_DETAIL, PLAIN_IMAGE_SCORE = 0.3, 0.875
+"""With a smaller share of the returns than the first on walls that are not straight, scans must fit
+as nine of ten of the map's own do: corridors of another building may have the same length and
+width, and doors a little elsewhere. In a map without own scans, they need the second as score."""
+
+
 class Detailed(NamedTuple):
     """What a place must reach to be claimed with a low score.
 
@@ -268,6 +274,17 @@ def shows_enough(points: FloatArray, path: float) -> bool:
     needed = VIEW_M * max(1.0 - path / VIEW_PATH_M, 0.0)
     num_far = int(np.count_nonzero(np.hypot(points[:, 0], points[:, 1]) >= needed))
     return num_far >= FAR_SHARE * len(points)
+
+
+def is_too_plain(known: KnownMap, score: float, fit: Fit) -> bool:
+    """Return whether scans show little but straight walls, and fit too badly to prove a place.
+
+    Parameters
+    ----------
+    score, fit : of the scans in the place, see :data:`PLAIN_DETAIL`.
+    """
+    needed = known.low_score if known.has_own_fits else PLAIN_IMAGE_SCORE
+    return fit.detail < PLAIN_DETAIL and score < needed
 
 
 class Margins(NamedTuple):

@@ -16,7 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-from cartoloop.localisation.claim_needs import FITTING_DETAIL, least_score, needed_margin
+from cartoloop.localisation.claim_needs import (
+    FITTING_DETAIL,
+    is_too_plain,
+    least_score,
+    needed_margin,
+)
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import fit_of_composite, is_same_place, refine_within
 from cartoloop.localisation.known_map import KnownMap
@@ -217,6 +222,7 @@ def is_proved(
         or best.total < needed_sum(path, len(composite.scans))
         or best.fit.score < least_score(known)
         or best.fit.num_counted < MIN_COUNTED_SHARE * num_points
+        or is_too_plain(known, best.fit.score, best.fit)
     ):
         return False
     if not newest_agree(known, composite, best):
