@@ -28,7 +28,7 @@ HASTY_M, HASTY_RAD, HASTY_TIMES_FASTEST = 0.1, 0.1, 1.5
 [m], [rad] is that of the time in which they were repeated."""
 
 ANY_FASTEST, ANY_FASTEST_RATE = 2.0, 2.0
-"""The same largest speeds as long as they are not known [m/s], [rad/s]."""
+"""The largest speeds of any robot, as long as its own are not known [m/s], [rad/s]."""
 
 
 class Pace(NamedTuple):
@@ -85,12 +85,16 @@ class Pace(NamedTuple):
 
     def is_hasty(self, before: Pose, after: Pose, duration: float) -> bool:
         """Return whether a step took longer than a duration, by the largest speeds so far."""
-        distance = math.hypot(after.x - before.x, after.y - before.y)
-        turn = abs(wrap_angle(after.theta - before.theta))
-        times, fastest, rate = HASTY_TIMES_FASTEST * duration, self.fastest, self.fastest_rate
-        if self.num_paces < NUM_PACES:
-            fastest, rate = max(fastest, ANY_FASTEST), max(rate, ANY_FASTEST_RATE)
-        return distance > HASTY_M + times * fastest or turn > HASTY_RAD + times * rate
+        fastest, rate = self.fastest, self.fastest_rate
+        return self.num_paces >= NUM_PACES and _is_faster(before, after, duration, fastest, rate)
+
+    def has_caught_up(self, before: Pose, after: Pose, duration: float) -> bool:
+        """Return the same of a step from repeated readings, also where the speeds are unknown."""
+        if self.num_paces >= NUM_PACES:
+            return self.is_hasty(before, after, duration)
+        fastest = max(self.fastest, ANY_FASTEST)
+        rate = max(self.fastest_rate, ANY_FASTEST_RATE)
+        return _is_faster(before, after, duration, fastest, rate)
 
     def is_exceeded(self, distance: float, turn: float, time: float, period: float) -> bool:
         """Return whether the step to a reading at a time is much faster than any so far.
@@ -105,3 +109,12 @@ class Pace(NamedTuple):
             distance > KNOWN_STEP_M + self.fastest * duration
             or turn > KNOWN_STEP_RAD + self.fastest_rate * duration
         )
+
+
+def _is_faster(before: Pose, after: Pose, duration: float, fastest: float, rate: float) -> bool:
+    """Return whether a step is clearly longer than these speeds allow."""
+    times = HASTY_TIMES_FASTEST * duration
+    return (
+        math.hypot(after.x - before.x, after.y - before.y) > HASTY_M + times * fastest
+        or abs(wrap_angle(after.theta - before.theta)) > HASTY_RAD + times * rate
+    )

@@ -189,7 +189,7 @@ class OdometryTrack:
         if len(times) < 2 or pose == self._last or self._last != readings.pose(-2):
             return False
         longest = MAX_REPEAT_S
-        if not self._pace.is_hasty(self._last, pose, time - times[-1]):
+        if not self._pace.has_caught_up(self._last, pose, time - times[-1]):
             longest = self.period.held_s
         number = len(times)
         while len(times) > 1 and self._last == readings.pose(-2) and time - times[-2] <= longest:
