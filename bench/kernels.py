@@ -32,6 +32,7 @@ from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.localisation.changes.watch import no_looks
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.map_output.surveyed_floor import surveyed
 from cartoloop.quality.agreement import agreement
 from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
@@ -60,7 +61,7 @@ DRIVE_KERNELS = (
     "outline", "thin", "move", "cast rays", "update cells", "insert", "match", "correlative",
     "wall step",
     "finish", "precompute", "mean score", "agree", "shift along a corridor", "fit", "changes",
-    "displace", "branch and bound", "match again", "compose map", "fade",
+    "displace", "branch and bound", "match again", "compose map", "survey", "fade",
 )  # fmt: skip
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of the kernels, grouped by the input that they are measured on."""
@@ -349,6 +350,12 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         "compose map", ("map_composition",), case,
         partial(compose_map, driven.grids, poses, driven.config.local_slam.submaps),
         sum(grid.size for grid in driven.grids), "pixels",
+    )  # fmt: skip
+    whole = compose_map(driven.grids, poses, driven.config.local_slam.submaps)
+    yield Workload(
+        "survey", ("floor_blocks",), case,
+        partial(surveyed, whole, driven.config.map_output.free_thresh, poses[:, :2]),
+        whole.probability.size, "pixels",
     )  # fmt: skip
     twice = np.repeat((0, 1), len(poses))
     yield Workload(

@@ -30,6 +30,7 @@ from cartoloop.config import (
 from cartoloop.global_slam.claims import Claims
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.map_output.surveyed_floor import surveyed
 from cartoloop.quality.agreement import agreement
 from cartoloop.quality.corridor_shifts import fitting_shifts
 from cartoloop.quality.encounters import shifts_in
@@ -72,7 +73,8 @@ def compile_ahead() -> None:
     """
     slam = _close_loops(every_nth_node=_NODES**2)  # no search
     grids = [grid for _, grid in sorted(slam.finished_grids().items())]
-    compose_map(grids, slam.graph.submap_poses, Config().local_slam.submaps)
+    whole = compose_map(grids, slam.graph.submap_poses, Config().local_slam.submaps)
+    surveyed(whole, Config().map_output.free_thresh, slam.graph.submap_poses[:, :2])
     scans = slam.node_points.take(np.zeros(1, dtype=np.int64))
     limits = agreement_limits(_RESOLUTION, math.inf)
     agreement(cell_grid(grids[0]), limits, scans, np.zeros((1, 3)))

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.kernels.floor_blocks import count_in_blocks, floor_in_blocks
 from cartoloop.map_output.occupancy_map import OccupancyMap
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 
@@ -72,37 +74,41 @@ def surveyed(
     """
     probability, resolution = occupancy_map.probability, occupancy_map.resolution
     edge = max(1, round(_BLOCK_M / resolution))
-    free, wall = (probability >= 0.0) & (probability < free_below), probability > 0.5
-    known = free | wall
-    if not known.any():
+    limits = np.minimum((_SURELY_FREE, _OFTEN_FREE, free_below), free_below).astype(np.float32)
+    counts = count_in_blocks(probability, edge, limits)
+    if not counts.any():
         return None, 0.0
+    sure, often, known = np.moveaxis(counts / edge**2 >= _DENSE, 2, 0)
     cells = (path[~np.isnan(path[:, 0])] - _origin(occupancy_map)) / resolution
-    often = wall | (free & (probability < _OFTEN_FREE))
-    sure = wall | (free & (probability < _SURELY_FREE))
-    beside = _beside(cells / edge, _dense_blocks(known, edge), edge * resolution)
-    often_blocks = _dense_blocks(often, edge)
-    joined = _reached(beside, often_blocks, often_blocks.size)
-    dense = joined | _dense_blocks(sure, edge)
+    beside = _beside(cells / edge, known, edge * resolution)
+    joined = _reached(beside, often, often.size)
+    dense = joined | sure
+    kinds = np.full(dense.shape, 1, dtype=np.uint8)
     if dense.any():
         dense |= beside
-        sure |= often & _cells_of(_with_neighbours(joined), edge, known.shape)
-        sure |= known & _cells_of(beside, edge, known.shape)
+        kinds[_with_neighbours(joined)] = 2
+        kinds[beside] = 3
     else:  # a few scans only
-        sure, dense = known, _dense_blocks(known, edge)
-    around = _cells_of(_with_neighbours(dense), edge, known.shape)
-    area_m2 = float(np.count_nonzero(free & around)) * resolution**2
-    return _box(sure & around, cells, occupancy_map), area_m2
+        dense, kinds[:] = known, 3
+    kinds[~_with_neighbours(dense)] = 0
+    num_free, *box = floor_in_blocks(probability, edge, limits, kinds)
+    return _box(box, cells, occupancy_map), num_free * resolution**2
 
 
 def _origin(occupancy_map: OccupancyMap) -> FloatArray:
     return np.array((occupancy_map.origin_x, occupancy_map.origin_y))
 
 
-def _box(seen: BoolArray, path: FloatArray, occupancy_map: OccupancyMap) -> Extent | None:
-    """Return the rectangle around cells and the path [cells]."""
-    cols, rows = np.flatnonzero(seen.any(axis=0)), np.flatnonzero(seen.any(axis=1))
-    if len(rows):
-        corners = [(cols[0], rows[0]), (cols[-1] + 1, rows[-1] + 1)]
+def _box(seen: Sequence[int], path: FloatArray, occupancy_map: OccupancyMap) -> Extent | None:
+    """Return the rectangle around cells and the path [cells].
+
+    Parameters
+    ----------
+    seen : first row, first column, last row and last column of the cells.
+    """
+    first_row, first_col, last_row, last_col = seen
+    if last_row >= first_row:
+        corners = [(first_col, first_row), (last_col + 1, last_row + 1)]
         path = np.concatenate((path, np.array(corners, dtype=np.float64)))
     if len(path) == 0:
         return None
@@ -140,25 +146,8 @@ def _reached(first: BoolArray, within: BoolArray, max_steps: int) -> BoolArray:
     return reached
 
 
-def _dense_blocks(known: BoolArray, edge: int) -> BoolArray:
-    """Return which blocks of `edge` by `edge` cells are known almost as a whole."""
-    num_rows, num_cols = known.shape
-    padded = np.pad(known, ((0, -num_rows % edge), (0, -num_cols % edge)))
-    # Along whole rows first: sums of a few neighbours take NumPy ten times as long.
-    rows, cols = padded.shape[0] // edge, padded.shape[1] // edge
-    by_row = padded.reshape(rows, edge, cols * edge).sum(axis=1, dtype=np.int32)
-    counts: IntArray = by_row.reshape(rows, cols, edge).sum(axis=2)
-    return counts / edge**2 >= _DENSE
-
-
 def _with_neighbours(blocks: BoolArray) -> BoolArray:
     """Return the blocks and the eight around each."""
     padded = np.pad(blocks, 1)
     rows = padded[:-2] | padded[1:-1] | padded[2:]
     return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
-
-
-def _cells_of(blocks: BoolArray, edge: int, shape: tuple[int, ...]) -> BoolArray:
-    """Return which cells lie in blocks."""
-    cells = np.repeat(np.repeat(blocks, edge, axis=0), edge, axis=1)
-    return cells[: shape[0], : shape[1]]
