@@ -20,6 +20,7 @@ from cartoloop.localisation.claim_needs import (
     MIN_REFUTING_DETAIL,
     MOST_SCORE,
     PLAIN_DETAIL,
+    PLAIN_IMAGE_MARGIN,
     PLAIN_IMAGE_SCORE,
     SCORE_OF_SCAN,
     SCORE_SPREADS,
@@ -70,6 +71,8 @@ def test_straight_walls_alone_must_fit_an_image_closely():
 
     assert is_too_plain(image, 0.99 * PLAIN_IMAGE_SCORE, plain)
     assert not is_too_plain(image, PLAIN_IMAGE_SCORE, plain)
+    assert not is_too_plain(image, 0.8, plain, 0.79 - PLAIN_IMAGE_MARGIN)
+    assert is_too_plain(image, 0.8, plain, 0.81 - PLAIN_IMAGE_MARGIN)
 
 
 def test_a_sharp_map_needs_a_higher_score(learnt_map):

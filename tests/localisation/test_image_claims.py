@@ -43,7 +43,7 @@ def test_only_a_place_without_rivals_is_apart(
 
 @pytest.mark.parametrize(
     ("detail", "margin", "is_claimed"),
-    [(0.5, 0.15, False), (0.7, 0.15, True), (0.5, 0.2, True), (0.7, 0.13, False)],
+    [(0.3, 0.25, False), (0.5, 0.25, True), (0.3, 0.31, True), (0.7, 0.21, False)],
 )
 def test_where_straight_walls_agree_more_must_be_apart(detail, margin, is_claimed):
     image = known_map(ROOM)

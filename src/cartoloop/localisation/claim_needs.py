@@ -57,6 +57,10 @@ MARGIN_OF_SCAN, MARGIN_OF_PATH = 0.08, 0.05
 """By which the score must exceed that of other places, for a single scan and for those of
 `FULL_PATH_M` of path; in between it falls linearly."""
 
+MARGIN_OF_IMAGE_SCAN = 0.13
+"""The same of a single scan in a map without own scans: how well scans fit is not known there, so
+that corners of another building may have a high score."""
+
 FULL_PATH_M = 6.0
 """Path of a composite whose scans support each other in full [m]."""
 
@@ -114,10 +118,11 @@ MIN_REFUTING_DETAIL = 0.2
 """Share of the returns that must lie on walls that are not straight for that."""
 
 
-PLAIN_DETAIL, PLAIN_IMAGE_SCORE = 0.3, 0.875
+PLAIN_DETAIL, PLAIN_IMAGE_SCORE, PLAIN_IMAGE_MARGIN = 0.3, 0.875, 0.14
 """With a smaller share of the returns than the first on walls that are not straight, scans must fit
 as nine of ten of the map's own do: corridors of another building may have the same length and
-width, and doors a little elsewhere. In a map without own scans, they need the second as score."""
+width, and doors a little elsewhere. In a map without own scans, they need the second as score, or
+one that exceeds that of any other place by the third."""
 
 
 class Detailed(NamedTuple):
@@ -276,15 +281,19 @@ def shows_enough(points: FloatArray, path: float) -> bool:
     return num_far >= FAR_SHARE * len(points)
 
 
-def is_too_plain(known: KnownMap, score: float, fit: Fit) -> bool:
+def is_too_plain(known: KnownMap, score: float, fit: Fit, runner_up: float = math.inf) -> bool:
     """Return whether scans show little but straight walls, and fit too badly to prove a place.
 
     Parameters
     ----------
     score, fit : of the scans in the place, see :data:`PLAIN_DETAIL`.
+    runner_up : upper limit of the score of any other place.
     """
-    needed = known.low_score if known.has_own_fits else PLAIN_IMAGE_SCORE
-    return fit.detail < PLAIN_DETAIL and score < needed
+    if fit.detail >= PLAIN_DETAIL:
+        return False
+    if known.has_own_fits:
+        return score < known.low_score
+    return score < min(PLAIN_IMAGE_SCORE, runner_up + PLAIN_IMAGE_MARGIN)
 
 
 class Margins(NamedTuple):
@@ -304,8 +313,9 @@ class Margins(NamedTuple):
 
 def margins_of(known: KnownMap, path: float) -> Margins:
     """Return what refutes other places, given a path length [m]."""
-    fitting = FITTING_MARGIN * known.usual.score
-    return Margins(needed_margin(path), fitting, path >= AGREEING_PATH_M)
+    of_scan = MARGIN_OF_SCAN if known.has_own_fits else MARGIN_OF_IMAGE_SCAN
+    other = _falling(of_scan, MARGIN_OF_PATH, path, FULL_PATH_M)
+    return Margins(other, FITTING_MARGIN * known.usual.score, path >= AGREEING_PATH_M)
 
 
 def needed_margin(path: float) -> float:

@@ -175,7 +175,7 @@ def _claim_by_scans(
     if not (
         _is_known_at(known, composite, candidates[0], best.fit)
         and needed.are_reached(best.score, best.fit)
-        and not is_too_plain(known, best.score, best.fit)
+        and not is_too_plain(known, best.score, best.fit, searched.runner_up)
     ):
         return None
     is_refuted = partial(_is_refuted, best, margins_of(known, path), needed)
