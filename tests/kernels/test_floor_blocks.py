@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from cartoloop.kernels.floor_blocks import count_in_blocks, floor_in_blocks
 from tests.reference.naive_floor_blocks import naive_counts, naive_floor
 
-LIMITS = np.array((0.1, 0.3, 0.45), dtype=np.float32)
+LIMITS = np.array((0.1, 0.3, 0.7), dtype=np.float32)
 VALUES = np.array((-1.0, 0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.5, 0.6, 1.0), dtype=np.float32)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, MAX_HOLD_SHARE, OdometryTrack
-from cartoloop.sensor.pose import Pose, relative, wrap_angle
+from cartoloop.sensor.pose import IDENTITY, Pose, relative, wrap_angle
 
 
 def track(*readings):
@@ -295,6 +295,23 @@ def test_a_robot_just_started_turns_no_faster_than_any(turn, is_caught_up):
     readings = track(*rests, (1.6, 0.06, turn))
     assert readings.num_late == is_caught_up
     assert readings.at(1.1).theta == pytest.approx(0.5 * turn if is_caught_up else 0.0)
+
+
+@pytest.mark.parametrize("step", [Pose(0.9, 0.0, 0.0), Pose(0.0, 0.0, 0.9)])
+def test_the_first_motion_of_a_robot_is_of_its_own_time(step):
+    readings = OdometryTrack()
+    for k in range(100):
+        readings.add(0.05 * k, IDENTITY)
+    readings.add(5.0, step)
+    assert readings.num_late == 0
+    assert readings.at(4.9) == IDENTITY
+
+
+def test_a_reset_of_the_position_is_of_its_own_time():
+    rests = [(0.2 * k, 0.02 * min(k, 3), 0.0) for k in range(12)]
+    readings = track(*rests, (2.4, 0.5, 0.0), (2.402, 0.6, 0.0))
+    assert readings.num_late == 0
+    assert readings.at(2.2).x == pytest.approx(0.06)
 
 
 def true_x(k):

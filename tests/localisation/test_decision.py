@@ -67,7 +67,7 @@ def test_a_place_mapped_less_sharply_is_not_refuted(twins, monkeypatch):
     decision = decide(known, composite, 0.0)
 
     assert decision.claim is None
-    found = sorted(place.tf_map_tracking.x for place in decision.places)
+    found = sorted(place.tf_map_tracking.x for place in decision.places[:2])
     assert found == pytest.approx([START.x, START.x + shift], abs=0.1)
     assert abs(decision.places[0].score - decision.places[1].score) > MARGIN_OF_SCAN
     # By the score alone the sharper room would have been claimed.
@@ -166,7 +166,7 @@ def test_a_place_is_refuted_where_the_scan_fits_best_near_it(monkeypatch):
     listed = candidates_module.list_places
 
     def beside(*arguments):
-        first, other = listed(*arguments).places
+        first, other = listed(*arguments).places[:2]
         x, y, theta = other.tf_map_tracking
         return Listing([first, FoundPlace(Pose(x + 0.06, y, theta), 0.5 * first.score)], True)
 

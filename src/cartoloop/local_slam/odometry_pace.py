@@ -27,8 +27,9 @@ HASTY_M, HASTY_RAD, HASTY_TIMES_FASTEST = 0.1, 0.1, 1.5
 """A step from repeated readings that is longer than the first and this many times the largest speed
 [m], [rad] is that of the time in which they were repeated."""
 
-ANY_FASTEST, ANY_FASTEST_RATE = 2.0, 2.0
-"""The largest speeds of any robot, as long as its own are not known [m/s], [rad/s]."""
+ANY_RATE, LEAST_STEP_S = 2.0, 0.1
+"""The largest speed that is assumed of turns while the robot's own is not known [rad/s], and the
+shortest time of a step then [s]: messages that arrived late have stamps close to the next."""
 
 
 class Pace(NamedTuple):
@@ -85,16 +86,25 @@ class Pace(NamedTuple):
 
     def is_hasty(self, before: Pose, after: Pose, duration: float) -> bool:
         """Return whether a step took longer than a duration, by the largest speeds so far."""
-        fastest, rate = self.fastest, self.fastest_rate
-        return self.num_paces >= NUM_PACES and _is_faster(before, after, duration, fastest, rate)
+        distance = math.hypot(after.x - before.x, after.y - before.y)
+        turn = abs(wrap_angle(after.theta - before.theta))
+        times = HASTY_TIMES_FASTEST * duration
+        return self.num_paces >= NUM_PACES and (
+            distance > HASTY_M + times * self.fastest
+            or turn > HASTY_RAD + times * self.fastest_rate
+        )
 
     def has_caught_up(self, before: Pose, after: Pose, duration: float) -> bool:
-        """Return the same of a step from repeated readings, also where the speeds are unknown."""
+        """Return whether a step from readings that repeat each other took longer than a duration.
+
+        While the largest speeds are unknown, only a turn shows it: a reset of the position is as
+        likely as a long step.
+        """
         if self.num_paces >= NUM_PACES:
             return self.is_hasty(before, after, duration)
-        fastest = max(self.fastest, ANY_FASTEST)
-        rate = max(self.fastest_rate, ANY_FASTEST_RATE)
-        return _is_faster(before, after, duration, fastest, rate)
+        times = HASTY_TIMES_FASTEST * max(duration, LEAST_STEP_S)
+        turn = abs(wrap_angle(after.theta - before.theta))
+        return turn > HASTY_RAD + times * max(self.fastest_rate, ANY_RATE)
 
     def is_exceeded(self, distance: float, turn: float, time: float, period: float) -> bool:
         """Return whether the step to a reading at a time is much faster than any so far.
@@ -109,12 +119,3 @@ class Pace(NamedTuple):
             distance > KNOWN_STEP_M + self.fastest * duration
             or turn > KNOWN_STEP_RAD + self.fastest_rate * duration
         )
-
-
-def _is_faster(before: Pose, after: Pose, duration: float, fastest: float, rate: float) -> bool:
-    """Return whether a step is clearly longer than these speeds allow."""
-    times = HASTY_TIMES_FASTEST * duration
-    return (
-        math.hypot(after.x - before.x, after.y - before.y) > HASTY_M + times * fastest
-        or abs(wrap_angle(after.theta - before.theta)) > HASTY_RAD + times * rate
-    )

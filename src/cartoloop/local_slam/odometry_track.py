@@ -188,9 +188,10 @@ class OdometryTrack:
         readings, times = self._readings, self._readings.times
         if len(times) < 2 or pose == self._last or self._last != readings.pose(-2):
             return False
-        longest = MAX_REPEAT_S
-        if not self._pace.has_caught_up(self._last, pose, time - times[-1]):
-            longest = self.period.held_s
+        longest = self.period.held_s
+        # The first motion may be a reset.
+        if self.has_moved and self._pace.has_caught_up(self._last, pose, time - times[-1]):
+            longest = MAX_REPEAT_S
         number = len(times)
         while len(times) > 1 and self._last == readings.pose(-2) and time - times[-2] <= longest:
             self._pop()

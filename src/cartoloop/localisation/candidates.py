@@ -9,7 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.localisation.claim_needs import FITTING_MARGIN, needed_margin, searched_score
+from cartoloop.localisation.claim_needs import (
+    APART_MARGIN,
+    FITTING_MARGIN,
+    needed_margin,
+    searched_score,
+)
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import (
     FoundPlace,
@@ -92,8 +97,10 @@ def search(known: KnownMap, composite: Composite, path: float) -> Searched:
     found = find(known, points, least)
     if found is None:
         return Searched([], [], least, math.nan, True)
-    margin = needed_margin(path)
-    lowest = found.score - max(2.0 * margin, FITTING_MARGIN * known.usual.score)
+    is_image = not known.has_own_fits
+    margin = needed_margin(path, is_image=is_image)
+    share = APART_MARGIN if is_image else FITTING_MARGIN
+    lowest = found.score - max(2.0 * margin, share * known.usual.score)
     tiles = search_tiles(known, points, max(lowest, least))
     runner_up = runner_up_score(known, tiles, found)
     listed = list_places(known, points, tiles)

@@ -64,6 +64,12 @@ that corners of another building may have a high score."""
 FULL_PATH_M = 6.0
 """Path of a composite whose scans support each other in full [m]."""
 
+APART_MARGIN = 0.22
+"""By which the score, relative to the usual one, must exceed that of any other place for the place
+to be claimed as the only one, in a map without own scans: how well scans agree in the right place
+is not known there, but in wrong places and other buildings the best of all has rivals. There the
+margin was 0.18 at most, in right places on recordings 0.26 at least."""
+
 FITTING_MARGIN, FITTING_LESS = 0.17, 0.05
 """By which the score, relative to the usual one, must exceed that of other places where the scans
 agree as a claim needs it, and the sum of agreement and distinctness as well: a part of the map that
@@ -287,7 +293,7 @@ def is_too_plain(known: KnownMap, score: float, fit: Fit, runner_up: float = mat
     Parameters
     ----------
     score, fit : of the scans in the place, see :data:`PLAIN_DETAIL`.
-    runner_up : upper limit of the score of any other place.
+    runner_up : score of the best of the others, as they were found, to a pixel.
     """
     if fit.detail >= PLAIN_DETAIL:
         return False
@@ -303,24 +309,35 @@ class Margins(NamedTuple):
     ----------
     other, fitting : by which their score is lower at least; the second where the scans agree as a
         claim needs it.
+    higher : by which their score may be higher where a lower agreement refutes them.
     agreement_counts : whether a lower agreement is enough as well.
     """
 
     other: float
     fitting: float
+    higher: float
     agreement_counts: bool
 
 
 def margins_of(known: KnownMap, path: float) -> Margins:
     """Return what refutes other places, given a path length [m]."""
-    of_scan = MARGIN_OF_SCAN if known.has_own_fits else MARGIN_OF_IMAGE_SCAN
-    other = _falling(of_scan, MARGIN_OF_PATH, path, FULL_PATH_M)
-    return Margins(other, FITTING_MARGIN * known.usual.score, path >= AGREEING_PATH_M)
+    return Margins(
+        needed_margin(path, is_image=not known.has_own_fits),
+        FITTING_MARGIN * known.usual.score,
+        0.5 * needed_margin(path),
+        path >= AGREEING_PATH_M,
+    )
 
 
-def needed_margin(path: float) -> float:
-    """Return by which the score must exceed that of other places, given a path length [m]."""
-    return _falling(MARGIN_OF_SCAN, MARGIN_OF_PATH, path, FULL_PATH_M)
+def needed_margin(path: float, *, is_image: bool = False) -> float:
+    """Return by which the score must exceed that of other places, given a path length [m].
+
+    Parameters
+    ----------
+    is_image : whether the map has no own scans.
+    """
+    of_scan = MARGIN_OF_IMAGE_SCAN if is_image else MARGIN_OF_SCAN
+    return _falling(of_scan, MARGIN_OF_PATH, path, FULL_PATH_M)
 
 
 def _falling(of_scan: float, of_path: float, path: float, full: float = LENGTH_M) -> float:

@@ -257,7 +257,7 @@ def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candid
         return True
     if not margins.agreement_counts:
         return False
-    if behind >= REFUTING_AGREEMENT and lower > -0.5 * margins.other:
+    if behind >= REFUTING_AGREEMENT and lower > -margins.higher:
         return True
     detailed = needed.detailed
     return detailed is not None and lower >= 0.0 and detailed.refutes(here, there)

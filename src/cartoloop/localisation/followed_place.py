@@ -205,7 +205,8 @@ def is_proved(
     In a map without own scans it is not known how well scans fit where they were taken, so that
     nothing is proved. Nor is it where another place has a clearly higher score: beams may pass
     through what is a wall of the map, as glass that no scan of the map shows as such, so that the
-    right place agrees less than a wrong one.
+    right place agrees less than a wrong one. Nor is it by scans of straight walls, unless they fit
+    as the map's own do.
 
     Parameters
     ----------

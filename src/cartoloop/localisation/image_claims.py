@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from cartoloop.localisation.claim_needs import APART_MARGIN
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.followed_place import (
     FULL_M,
@@ -25,13 +26,11 @@ from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import Composite
 from cartoloop.sensor.pose import Pose
 
-APART_MARGIN, APART_PATH_M = 0.22, 1.5
-"""In a map without own scans, a place is also claimed where its score exceeds that of any other by
-the first, relative to the usual one, on a path of at least the second [m]: how well scans agree in
-the right place is not known there, but in wrong places and other buildings the best of all has
-rivals: there the margin was 0.18 at most, in right places on recordings 0.26 at least."""
+APART_PATH_M = 1.5
+"""Path from which a place is also claimed where its score exceeds that of any other clearly, see
+:data:`APART_MARGIN` [m]."""
 
-APART_SCORE, APART_AGREEMENT, APART_DISTINCTNESS = 0.74, 0.75, 0.55
+APART_SCORE, APART_AGREEMENT, APART_DISTINCTNESS = 0.84, 0.75, 0.55
 """Score, agreement and distinctness that it needs for that, relative to the usual ones."""
 
 MIN_APART_DETAIL = 0.3
