@@ -90,6 +90,24 @@ def test_rates_are_counted_by_truth_and_verdict():
     assert row.figures["wrong, called wrong"].value == 1
 
 
+def test_maps_that_are_off_in_places_are_left_out():
+    case = Case("ring", 100, "open")
+    judged = [
+        benchmark.Judged(case, Truth(mean, largest, 0.0), verdict, 0.02)
+        for mean, largest, verdict in (
+            (0.1, 0.4, "good"),
+            (0.1, 0.6, "doubtful"),
+            (0.5, 0.6, "wrong"),
+        )
+    ]
+
+    row = next(row for row in benchmark._rows(judged) if "off by" in row.case.get("maps", ""))
+
+    assert row.figures["maps"].value == 2
+    assert row.figures["right ones flagged"].value == 0.0
+    assert row.figures["wrong ones flagged"].value == 100.0
+
+
 @pytest.mark.slow
 def test_a_map_without_a_fault_is_right_and_good(monkeypatch):
     monkeypatch.setattr("bench.verdict.cases.make_world", lambda *_: corridor(3, length=30.0))

@@ -69,6 +69,10 @@ def cases(maps: int, first_seed: int = FIRST_CHECKED_SEED) -> Iterator[Case]:
 CLEAR = (0.2, 0.4)
 """Errors below are clearly none, above clearly gross [m]."""
 
+PLACE_ERROR_M = 0.5
+"""A scan that is farther from the truth is reason enough for doubt [m], also in a map that is right
+in the mean, and where places are visited again."""
+
 RIGHT_SEEDS, AGAIN = 3, 1000
 """Seeds for which a recording without a fault is mapped, where one with a fault is for one."""
 
@@ -109,6 +113,8 @@ def _rows(judged: Sequence[Judged]) -> Iterator[Row]:
     yield _row({"maps": "all"}, judged)
     clear = [one for one in judged if not CLEAR[0] < one.truth.error <= CLEAR[1]]
     yield _row({"maps": "without errors of 0.2 to 0.4 m"}, clear, "what is nearly wrong left out")
+    whole = [one for one in judged if one.truth.is_wrong or one.truth.largest <= PLACE_ERROR_M]
+    yield _row({"maps": f"without right ones with a scan off by {PLACE_ERROR_M} m"}, whole)
     for world in dict.fromkeys(one.case.world for one in judged):
         note = "limits chosen on other seeds" if world in CHOSEN_ON else "world not looked at"
         yield _row({"world": world}, [one for one in judged if one.case.world == world], note)
