@@ -2,10 +2,9 @@
 """Branch and bound, algorithm 3 of the paper, in rotations as well as in translations; exact.
 
 A node of the search tree is a block of 2^h x 2^h translations, eq. (11), for a *group* of
-neighbouring rotations rather than for a single one; see :mod:`cartoloop.kernels.node_bounds` for
-its bound. Candidates are counted as :mod:`cartoloop.kernels.search_window` describes.
-
-A node's *key* orders the search and breaks a tie, see :mod:`cartoloop.kernels.search_order`.
+neighbouring rotations, not for a single one. :mod:`cartoloop.kernels.node_bounds` has its bound,
+:mod:`cartoloop.kernels.search_window` the numbers of candidates, and
+:mod:`cartoloop.kernels.search_order` the *key* of a node, which orders the search.
 
 All nodes stand in one array, `nodes`. Each height but the top one has _CHILDREN rows for the
 children of the node that is being expanded above it; then comes the root, which stands for the
@@ -20,9 +19,8 @@ leaves to the points from each block of points on::
     top * _CHILDREN + 1   nodes that cover the window
 
 Where the points of a group of rotations look up their maxima is computed once for each group of
-each height, at its first use, and kept in `places`: the groups of height 0 first, of height
-h from ``heights[h]["first_group"]`` on, each with `num_places` entries (the points, filled up to
-whole blocks of points).
+each height, at its first use, and kept in `places`: the groups of height h are there from
+``heights[h]["first_group"]`` on, each with `num_places` entries (whole blocks of points).
 """
 
 from __future__ import annotations
